@@ -1,0 +1,1 @@
+"""Everything that starts, records and shows the whole system."""

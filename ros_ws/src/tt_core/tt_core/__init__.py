@@ -1,0 +1,1 @@
+"""The shared vocabulary: states, physics, errors, and their messages."""

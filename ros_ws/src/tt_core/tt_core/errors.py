@@ -1,0 +1,60 @@
+"""Errors of the robot: every one says which value broke which bound."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+class TtError(ValueError):
+    """Base of all errors raised here."""
+
+
+class OutOfRange(TtError):
+    """A value outside its bounds."""
+
+    def __init__(self, name: str, value: float, low: float, high: float) -> None:
+        super().__init__(f"{name} = {value:g} is outside [{low:g}, {high:g}]")
+        self.name, self.value, self.low, self.high = name, value, low, high
+
+
+class BadShape(TtError):
+    """An array of another shape than wanted."""
+
+    def __init__(self, name: str, shape: tuple[int, ...], wanted: object) -> None:
+        super().__init__(f"{name} has shape {shape}, wanted {wanted}")
+        self.name, self.shape, self.wanted = name, shape, wanted
+
+
+class NotFinite(TtError):
+    """A NaN or an infinity where a number is needed."""
+
+    def __init__(self, name: str, value: Any) -> None:
+        super().__init__(f"{name} = {np.array2string(np.asarray(value), threshold=20)} is not finite")
+        self.name, self.value = name, value
+
+
+class BadMessage(TtError):
+    """A message that does not hold what its topic promises."""
+
+
+def check_range(name: str, value: float, low: float, high: float) -> float:
+    """`value` as float; raises NotFinite or OutOfRange."""
+    value = float(value)
+    if not np.isfinite(value):
+        raise NotFinite(name, value)
+    if not low <= value <= high:
+        raise OutOfRange(name, value, low, high)
+    return value
+
+
+def check_array(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """A read-only float64 copy of `value`; -1 in `shape` takes any length. Raises BadShape or NotFinite."""
+    array = np.array(value, dtype=np.float64)
+    if array.ndim != len(shape) or any(want not in (-1, have) for have, want in zip(array.shape, shape, strict=True)):
+        raise BadShape(name, array.shape, shape)
+    if not np.isfinite(array).all():
+        raise NotFinite(name, array)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,9 @@
+"""Quality of service by kind of data (DESIGN: topics)."""
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+SENSOR = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)  # images: one burst of a ball fits
+RELIABLE = QoSProfile(depth=10)
+LATEST = QoSProfile(depth=1)  # only the newest matters
+TRUTH = QoSProfile(depth=1000)  # /sim/*: nothing may be lost in evaluation
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
