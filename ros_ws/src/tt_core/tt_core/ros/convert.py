@@ -112,7 +112,8 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
         for p in message.points
     ]
     bounces = tuple(Bounce(a, b) for a, b in itertools.pairwise(states) if a.time == b.time)
-    return BallPath([s.time for s in states], [s.position for s in states], [s.velocity for s in states], [s.spin for s in states], bounces)
+    rows = np.array([s.vector for s in states])
+    return BallPath(np.array([s.time for s in states]), rows[:, :3], rows[:, 3:6], rows[:, 6:], bounces)
 
 
 def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTrajectory:
