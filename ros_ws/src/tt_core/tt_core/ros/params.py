@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from ..errors import TtError
+from ..physics import Physics
 
 T = TypeVar("T")
 
@@ -26,6 +27,29 @@ def parameter(node: Node, name: str, default: Any) -> Any:
     return value
 
 
-def declare(node: Node, kind: type[T], prefix: str = "") -> T:
-    """Declare every field of the dataclass `kind` with its default and return an instance of the values set; its own checks apply."""
-    return kind(**{f.name: parameter(node, prefix + f.name, f.default) for f in fields(kind)})  # type: ignore[arg-type]
+@overload
+def declare(node: Node, kind: type[T], prefix: str = "") -> T: ...
+@overload
+def declare(node: Node, kind: T, prefix: str = "") -> T: ...
+def declare(node: Node, kind: Any, prefix: str = "") -> Any:
+    """Declare every field of a dataclass, with the defaults of `kind` (a class or an instance), and return an instance of the values set.
+
+    The dataclass's own checks apply.
+    """
+    default = kind() if isinstance(kind, type) else kind
+    values = {f.name: parameter(node, prefix + f.name, getattr(default, f.name)) for f in fields(default)}
+    return type(default)(**values)
+
+
+def declare_physics(node: Node, prefix: str = "") -> Physics:
+    """`physics` names the models, "liu" or "measured"; air.*, table.* and racket.* override single coefficients."""
+    name = parameter(node, prefix + "physics", "liu")
+    if name not in ("liu", "measured"):
+        raise TtError(f"parameter {prefix}physics = {name!r} is none of 'liu', 'measured'")
+    default = Physics.liu() if name == "liu" else Physics.measured()
+    return Physics(
+        declare(node, default.air, prefix + "air."),
+        declare(node, default.table, prefix + "table."),
+        declare(node, default.racket, prefix + "racket."),
+        parameter(node, prefix + "contact_height", default.contact_height),
+    )

@@ -1,0 +1,69 @@
+"""The racket that turns one ball velocity into another: the rebound model solved backwards (dissertation Section 4.2.1).
+
+With xi = turn (v1 - v0) and eta = w1 - w0 the model needs eta = xi x n (4.15, corrected), so n is in closed form; the racket's velocity
+follows from the impulse along n and across it. Kernels do not validate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from tt_core.constants import BALL_RADIUS
+from tt_core.states import Array
+
+
+@njit(cache=True)
+def spin_after(v0: Array, w0: Array, v1: Array, spin_y: float, spin_z: float, w1: Array) -> None:
+    """w1 with the asked y and z, and x from (4.16): (v1 - v0).(w1 - w0) = 0. v1_x must differ from v0_x."""
+    w1[1], w1[2] = spin_y, spin_z
+    w1[0] = w0[0] - ((v1[1] - v0[1]) * (spin_y - w0[1]) + (v1[2] - v0[2]) * (spin_z - w0[2])) / (v1[0] - v0[0])
+
+
+@njit(cache=True)
+def _speed_for(change: float, gain: float, drop: float, least: float) -> float:
+    """u >= 0 with max(least, gain - drop u) u = change."""
+    if drop == 0.0:
+        return change / gain
+    under = gain * gain - 4.0 * drop * change
+    u = (gain - math.sqrt(under)) / (2.0 * drop) if under >= 0.0 else np.inf
+    return u if gain - drop * u >= least else change / least
+
+
+@njit(cache=True)
+def racket_for(v0: Array, w0: Array, v1: Array, w1: Array, c: Array, racket_velocity: Array, normal: Array) -> float:
+    """Fill velocity and normal; returns |eta| / |xi|, of which more than 1 means that no racket does it. c: of RacketRebound.
+
+    The normal is the physical root, n.(v1 - v0) > 0.
+    """
+    xi, eta = np.empty(3), np.empty(3)
+    xi2, eta2 = 0.0, 0.0
+    for k in range(3):
+        xi[k] = c[6] * (v1[k] - v0[k])
+        eta[k] = w1[k] - w0[k]
+        xi2 += xi[k] * xi[k]
+        eta2 += eta[k] * eta[k]
+    if eta2 > xi2 or xi2 == 0.0:
+        return math.sqrt(eta2 / xi2) if xi2 > 0.0 else np.inf
+    along = math.sqrt(1.0 - eta2 / xi2) / math.sqrt(xi2)
+    normal[0] = (eta[1] * xi[2] - eta[2] * xi[1]) / xi2 + along * xi[0]
+    normal[1] = (eta[2] * xi[0] - eta[0] * xi[2]) / xi2 + along * xi[1]
+    normal[2] = (eta[0] * xi[1] - eta[1] * xi[0]) / xi2 + along * xi[2]
+    push = 0.0
+    for k in range(3):
+        push += (v1[k] - v0[k]) * normal[k]
+    across = np.empty(3)
+    size = 0.0
+    for k in range(3):
+        across[k] = v1[k] - v0[k] - push * normal[k]
+        size += across[k] * across[k]
+    size = math.sqrt(size)
+    approach = _speed_for(push, 1.0 + c[0], c[1], 1.0 + c[2])
+    slip = _speed_for(size, c[3], c[4], c[5])
+    keep = slip / size if size > 0.0 else 0.0
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        turned = BALL_RADIUS * (w0[i] * normal[j] - w0[j] * normal[i])
+        racket_velocity[k] = v0[k] + approach * normal[k] - turned + keep * across[k]
+    return math.sqrt(eta2 / xi2)

@@ -1,0 +1,61 @@
+"""Publishes the strokes that return each predicted ball to the goal."""
+
+from __future__ import annotations
+
+import numpy as np
+from rclpy.node import Node
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from tt_core.errors import TtError
+from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
+from tt_core.ros.params import declare, declare_physics
+from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
+from tt_core.ros.run import run
+from tt_core.ros.status import Status
+from tt_core.states import BallState, ReturnGoal
+
+from .goal import GoalParams, answer
+from .intercept import InterceptParams, intercept
+from .stroke import solve
+
+
+class RacketNode(Node):
+    """/ball/path and /return/goal -> /racket/strokes. Until a goal arrives, the goal answers the ball's spin."""
+
+    def __init__(self) -> None:
+        super().__init__("racket")
+        self.physics = declare_physics(self)
+        self.params = declare(self, InterceptParams)
+        self.goal_params = declare(self, GoalParams, "goal.")
+        self.goal: ReturnGoal | None = None
+        ball = BallState(0.0, np.array([-0.15, 0.7, 0.25]), np.array([-4.0, 0.0, 0.3]), np.array([0.0, -150.0, 0.0]))
+        solve(ball, answer(ball.spin, self.goal_params), self.physics)  # loads the kernels
+        self.status = Status(self)
+        self.strokes = self.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
+        self.create_subscription(MultiDOFJointTrajectory, "/return/goal", self.on_goal, LATCHED)
+        self.create_subscription(MultiDOFJointTrajectory, "/ball/path", self.on_path, RELIABLE)
+
+    def on_goal(self, message: MultiDOFJointTrajectory) -> None:
+        try:
+            self.goal = goal_from_message(message)
+        except TtError as error:
+            self.status.tell(f"goal refused: {error}", warn=True)
+
+    def on_path(self, message: MultiDOFJointTrajectory) -> None:
+        try:
+            path = path_from_message(message)
+        except TtError as error:
+            self.status.tell(f"path refused: {error}", warn=True)
+            return
+        found = intercept(path, self.goal or answer(path.spins[0], self.goal_params), self.physics, self.params)
+        rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
+        self.strokes.publish(strokes_to_message(rackets, path.times[0]))
+        why = sorted({reason for _, reason in found.refused}) or ["the path has no point in the window"] * (not rackets)
+        self.status.tell("strokes", stamp=path.times[0], warn=not rackets, found=len(rackets), refused="; ".join(why))
+
+
+def main() -> None:
+    run(RacketNode)
+
+
+if __name__ == "__main__":
+    main()
