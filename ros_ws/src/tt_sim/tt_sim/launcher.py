@@ -1,0 +1,72 @@
+"""The catapult machine at the opponent's end (dissertation Section 2.5.2, Tables 3.1 and 3.3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_core.errors import OutOfRange, TtError, check_range
+from tt_core.states import Array, BallState
+
+KINDS = ("top", "back", "left", "right")
+
+# kind -> scale -> (v_x, v_z) m/s and spin rad/s, each with its scatter: Tables 3.1 and 3.3. Side spin is not printed: velocity as the mean of
+# both, spin as the top row's size.
+_TABLE = {
+    "top": {
+        3: ((-4.99, 0.09), (2.53, 0.082), (300.0, 10.0)),
+        4: ((-6.22, 0.11), (1.07, 0.15), (360.0, 23.0)),
+        5: ((-7.46, 0.076), (1.68, 0.087), (400.0, 3.5)),
+    },
+    "back": {
+        3: ((-5.1, 0.077), (1.47, 0.10), (270.0, 21.0)),
+        4: ((-6.7, 0.048), (0.41, 0.11), (323.0, 37.0)),
+        5: ((-7.4, 0.051), (-0.17, 0.14), (361.0, 21.0)),
+    },
+    "side": {
+        3: ((-5.05, 0.08), (2.0, 0.09), (285.0, 15.0)),
+        4: ((-6.46, 0.08), (0.74, 0.13), (340.0, 30.0)),
+        5: ((-7.43, 0.06), (0.75, 0.11), (380.0, 12.0)),
+    },
+}
+_AXES = {"top": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (0.0, 0.0, -1.0), "right": (0.0, 0.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class LauncherParams:
+    """Where the machine stands and how much it scatters besides its tables."""
+
+    x: float = 2.62  # m, exit of the head
+    y: float = 0.7625  # m
+    z: float = 0.27  # m
+    side_yaw: float = 0.09  # rad, the head is turned against the drift of side spin
+    axis_scatter: float = 0.05  # rad, of the spin's axis; Tables 2.1 to 2.3 show about 0.1
+    yaw_scatter: float = 0.01  # rad
+    place_scatter: float = 0.002  # m
+
+    def __post_init__(self) -> None:
+        check_range("x", self.x, 1.5, 5.0)
+        check_range("y", self.y, 0.0, 1.525)
+        check_range("z", self.z, 0.05, 1.5)
+        for name in ("axis_scatter", "yaw_scatter", "place_scatter"):
+            check_range(name, getattr(self, name), 0.0, 0.5)
+
+
+def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generator) -> tuple[BallState, Array]:
+    """A ball at time 0 and its orientation (3, 3), ball to table, at random.
+
+    Raises TtError for a kind that is none of KINDS, OutOfRange for a scale without a row.
+    """
+    if kind not in KINDS:
+        raise TtError(f"kind {kind!r} is none of {', '.join(KINDS)}")
+    rows = _TABLE.get(kind, _TABLE["side"])
+    if scale not in rows:
+        raise OutOfRange("scale", scale, min(rows), max(rows))
+    v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in rows[scale])
+    yaw = rng.normal({"left": params.side_yaw, "right": -params.side_yaw}.get(kind, 0.0), params.yaw_scatter)
+    velocity = np.array([v_x * math.cos(yaw), v_x * math.sin(yaw), v_z])
+    tilt = Rotation.from_rotvec(rng.normal(0.0, params.axis_scatter, 3))
+    place = np.array([params.x, params.y, params.z]) + rng.normal(0.0, params.place_scatter, 3)
+    return BallState(0.0, place, velocity, tilt.apply(spin * np.array(_AXES[kind]))), Rotation.random(rng=rng).as_matrix()
