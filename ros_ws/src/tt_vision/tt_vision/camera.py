@@ -1,0 +1,179 @@
+"""The pinhole camera: projection (2.3), (2.4), triangulation (B.72) to (B.76), calibration from known points (B.66) to (B.71)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from tt_core.errors import BadShape, TtError, check_array, check_range
+from tt_core.states import Array
+
+UNDISTORT_STEPS = 8  # fixed-point steps; 1e-9 px for lenses with |k1| < 0.3 inside the views used here
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera that looks along its z axis, x to the right and y down in the image.
+
+    rotation: (3, 3) and translation: (3,) m, p_camera = rotation @ p_table + translation (2.3). focal_length, pixel_size: m.
+    width, height: pixels; pixel (0, 0) has its centre at (0.0, 0.0). principal_point: (2,) pixels, the middle of the image by default.
+    distortion: k1, k2, p1, p2 and k3 if wanted, as in OpenCV. Raises a TtError for anything not finite or not a rotation.
+    """
+
+    rotation: Array
+    translation: Array
+    focal_length: float
+    pixel_size: float
+    width: int
+    height: int
+    principal_point: Array | None = None
+    distortion: Array | None = None
+
+    def __post_init__(self) -> None:
+        middle = ((self.width - 1) / 2, (self.height - 1) / 2)
+        distortion = np.zeros(5) if self.distortion is None else np.ravel(np.array(self.distortion, dtype=np.float64))
+        if len(distortion) not in (4, 5):
+            raise BadShape("distortion", distortion.shape, "(4,) or (5,)")
+        checked = {
+            "rotation": check_array("rotation", self.rotation, (3, 3)),
+            "translation": check_array("translation", self.translation, (3,)),
+            "focal_length": check_range("focal_length", self.focal_length, 1e-6, 10.0),
+            "pixel_size": check_range("pixel_size", self.pixel_size, 1e-8, 1e-2),
+            "width": int(check_range("width", self.width, 1, 65535)),
+            "height": int(check_range("height", self.height, 1, 65535)),
+            "principal_point": check_array("principal_point", middle if self.principal_point is None else self.principal_point, (2,)),
+            "distortion": check_array("distortion", np.append(distortion, np.zeros(5 - len(distortion))), (5,)),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(self.rotation) < 0.0:
+            raise TtError(f"rotation is not a rotation matrix:\n{self.rotation}")
+
+    @classmethod
+    def looking_at(
+        cls,
+        position: Sequence[float] | Array,
+        target: Sequence[float] | Array,
+        up: Sequence[float] | Array = (0.0, 0.0, 1.0),
+        *,
+        focal_length: float,
+        pixel_size: float,
+        width: int,
+        height: int,
+    ) -> Camera:
+        """A camera at `position` with `target` in the middle of its image and `up` upwards; all (3,) in `table`, m."""
+        position = check_array("position", position, (3,))
+        z = check_array("target", target, (3,)) - position
+        z = z / check_range("distance to the target", float(np.linalg.norm(z)), 1e-9, math.inf)
+        x = np.cross(z, check_array("up", up, (3,)))
+        x = x / check_range("sine of the angle between view and up", float(np.linalg.norm(x)), 1e-9, math.inf)
+        rotation = np.array([x, np.cross(z, x), z])
+        return cls(rotation, -rotation @ position, focal_length, pixel_size, width, height)
+
+    @property
+    def position(self) -> Array:
+        """(3,) m, the pinhole in `table`."""
+        return -self.rotation.T @ self.translation
+
+    @property
+    def focal_pixels(self) -> float:
+        return self.focal_length / self.pixel_size
+
+    @property
+    def vector(self) -> Array:
+        """(20,) for the kernels: rotation by rows, translation, focal length in pixels, principal point, distortion."""
+        head = [self.rotation.ravel(), self.translation, [self.focal_pixels]]
+        return np.concatenate([*head, self.principal_point, self.distortion])  # type: ignore[list-item]
+
+    def project(self, points: Array) -> Array:
+        """points: (n, 3) m in `table`. Returns (n, 2) pixels, NaN for a point that is not in front of the camera."""
+        return _project(self.vector, check_array("points", points, (-1, 3)))
+
+    def rays(self, pixels: Array) -> Array:
+        """pixels: (n, 2). Returns (n, 3) unit directions in the camera's frame, the distortion undone."""
+        return _rays(self.vector, check_array("pixels", pixels, (-1, 2)))
+
+
+@njit(cache=True, nogil=True)
+def distort(x: float, y: float, k: Array) -> tuple[float, float]:
+    """x, y: X/Z and Y/Z in the camera's frame. k: (5,). The polynomial model of OpenCV."""
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    return (
+        x * radial + 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x),
+        y * radial + k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y,
+    )
+
+
+@njit(cache=True, nogil=True)
+def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, float]:
+    """camera: Camera.vector. x, y, z: m in the camera's frame. Not validated."""
+    a, b = distort(x / z, y / z, camera[15:20])
+    return camera[12] * a + camera[13], camera[12] * b + camera[14]
+
+
+@njit(cache=True, nogil=True)
+def ray(camera: Array, u: float, v: float) -> tuple[float, float]:
+    """camera: Camera.vector. u, v: pixel. Returns X/Z and Y/Z in the camera's frame. Not validated."""
+    k = camera[15:20]
+    x0, y0 = (u - camera[13]) / camera[12], (v - camera[14]) / camera[12]
+    x, y = x0, y0
+    if k[0] != 0.0 or k[1] != 0.0 or k[2] != 0.0 or k[3] != 0.0 or k[4] != 0.0:
+        for _ in range(UNDISTORT_STEPS):
+            a, b = distort(x, y, k)
+            x, y = x + x0 - a, y + y0 - b
+    return x, y
+
+
+@njit(cache=True, nogil=True)
+def _project(camera: Array, points: Array) -> Array:
+    pixels = np.full((len(points), 2), np.nan)
+    for i in range(len(points)):
+        p, q, s = points[i]
+        z = camera[6] * p + camera[7] * q + camera[8] * s + camera[11]
+        if z > 0.0:
+            x = camera[0] * p + camera[1] * q + camera[2] * s + camera[9]
+            y = camera[3] * p + camera[4] * q + camera[5] * s + camera[10]
+            pixels[i, 0], pixels[i, 1] = project_point(camera, x, y, z)
+    return pixels
+
+
+@njit(cache=True, nogil=True)
+def _rays(camera: Array, pixels: Array) -> Array:
+    rays = np.empty((len(pixels), 3))
+    for i in range(len(pixels)):
+        x, y = ray(camera, pixels[i, 0], pixels[i, 1])
+        length = math.sqrt(x * x + y * y + 1.0)
+        rays[i, 0], rays[i, 1], rays[i, 2] = x / length, y / length, 1.0 / length
+    return rays
+
+
+def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
+    """The points that the cameras see at `pixels`.
+
+    pixels: (cameras, n, 2). Returns (n, 3) m in `table`: the linear solution (B.74), each row scaled by the distance it implies so that
+    the residuals are those of the image, twice over. Raises TtError for fewer than two cameras or rays that are parallel.
+    """
+    if len(cameras) < 2:
+        raise TtError(f"{len(cameras)} cameras cannot triangulate")
+    seen = check_array("pixels", pixels, (len(cameras), -1, 2))
+    rows, right, depths = [], [], []
+    for camera, uv in zip(cameras, seen, strict=True):
+        rays = camera.rays(uv)
+        xy = rays[:, :2] / rays[:, 2:]
+        rows.append(xy[:, :, None] * camera.rotation[2] - camera.rotation[:2])
+        right.append(camera.translation[:2] - xy * camera.translation[2])
+        depths.append((camera.rotation[2], camera.translation[2]))
+    a, b = np.concatenate(rows, axis=1), np.concatenate(right, axis=1)
+    weight = np.ones(b.shape)
+    for _ in range(3):
+        aw = a * weight[..., None]
+        normal = np.swapaxes(aw, 1, 2) @ aw
+        if (np.linalg.cond(normal) > 1e14).any():
+            raise TtError("the rays of the cameras are parallel")
+        points = np.linalg.solve(normal, np.swapaxes(aw, 1, 2) @ (b * weight)[..., None])[..., 0]
+        weight = 1.0 / np.repeat(np.stack([points @ row + shift for row, shift in depths], axis=1), 2, axis=1)
+    return points
