@@ -1,4 +1,13 @@
+from pathlib import Path
+
 from setuptools import find_packages, setup
+
+here = Path(__file__).parent
+
+
+def files(folder):
+    return [str(path.relative_to(here)) for path in sorted((here / folder).iterdir())]
+
 
 setup(
     name="tt_bringup",
@@ -7,9 +16,11 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
+        ("share/tt_bringup/launch", files("launch")),
+        ("share/tt_bringup/config", files("config")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": []},
+    entry_points={"console_scripts": ["record_node = tt_bringup.record_node:main"]},
 )

@@ -1,0 +1,265 @@
+"""Starts the processes of a launch file and keeps them together.
+
+The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `node` and `executable` with the keys
+below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG) and $(dirname). https://github.com/ros2/launch
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import re
+import shlex
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from tt_core.errors import TtError
+
+from . import packages
+
+PATIENCE = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
+STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # the ends that are no failure
+
+_SHARED = {"name", "if", "unless", "on_exit", "output"}
+_KEYS = {
+    "arg": {"name", "default", "description"},
+    "node": _SHARED | {"pkg", "exec", "namespace", "param", "remap", "args"},
+    "executable": _SHARED | {"cmd"},
+}
+_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?: +[^\s()]+)*)\)")
+
+
+class LaunchError(TtError):
+    """A launch file or an argument that cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """An argument of a launch file; without `default` it must be given."""
+
+    name: str
+    default: str | None
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """What to start. required: its end is the end of all."""
+
+    name: str
+    command: tuple[str, ...]
+    required: bool = False
+
+
+def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """(kind, keys) of each entry of a launch file. Raises LaunchError for what is no launch file or not in our part of the language."""
+    try:
+        entries = yaml.safe_load(path.read_text())["launch"]
+        found = [next(iter(entry.items())) for entry in entries if len(entry) == 1]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+        raise LaunchError(f"{path} is no launch file: {error!r}") from error
+    for kind, keys in found:
+        if kind not in _KEYS:
+            raise LaunchError(f"{path}: {kind!r} is none of {', '.join(_KEYS)}")
+        if unknown := keys.keys() - _KEYS[kind]:
+            raise LaunchError(f"{path}: {kind} has no {', '.join(sorted(unknown))}; it has {', '.join(sorted(_KEYS[kind]))}")
+    return found
+
+
+def arguments(path: Path) -> list[Argument]:
+    return [Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read(path) if kind == "arg"]
+
+
+def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quote: Callable[[str], str] = str) -> str:
+    """`text` with its substitutions replaced by their values, each passed through `quote`. Raises LaunchError."""
+
+    def value(match: re.Match[str]) -> str:
+        word, given = match[1], match[2].split()
+        if word == "var" and len(given) == 1 and given[0] in values:
+            return quote(values[given[0]])
+        if word == "env" and len(given) in (1, 2) and (found := os.environ.get(*given)) is not None:
+            return quote(found)
+        if word == "find-pkg-share" and len(given) == 1:
+            return quote(str(packages.share(given[0])))
+        if word == "dirname":
+            return quote(str(folder))
+        raise LaunchError(f"{match[0]} has no value here")
+
+    if text.count("$(") != len(_SUBSTITUTION.findall(text)):
+        raise LaunchError(f"{text!r} holds a substitution that is nested or not closed")
+    return _SUBSTITUTION.sub(value, text)
+
+
+def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Process]:
+    """What the launch file starts with the arguments `given`. Raises LaunchError or NotFound before anything runs."""
+    path, given = Path(path).absolute(), given or {}
+    declared = {argument.name: argument for argument in arguments(path)}
+    if unknown := given.keys() - declared.keys():
+        raise LaunchError(f"{path.name} has no argument {', '.join(sorted(unknown))}; it has {', '.join(declared) or 'none'}")
+    values: dict[str, str] = {}
+    for name, argument in declared.items():
+        default = argument.default
+        if name not in given and default is None:
+            raise LaunchError(f"{path.name} needs {name}:= ({argument.description})")
+        if default is not None and not isinstance(default, str):
+            raise LaunchError(f"{path.name}: default of {name} must be a quoted string, got {default!r}")
+        values[name] = given[name] if name in given else substitute(default or "", values, path.parent)
+
+    def fill(text: str) -> str:
+        return substitute(text, values, path.parent)
+
+    def words(text: str) -> list[str]:
+        return shlex.split(substitute(text, values, path.parent, shlex.quote))
+
+    def holds(condition: str) -> bool:
+        text = fill(str(condition)).lower()
+        if text not in ("true", "1", "false", "0"):
+            raise LaunchError(f"condition {condition} is {text!r}, neither true nor false")
+        return text in ("true", "1")
+
+    def options(keys: dict[str, Any]) -> Iterator[str]:
+        if "name" in keys:
+            yield from ("-r", f"__node:={fill(keys['name'])}")
+        if "namespace" in keys:
+            yield from ("-r", f"__ns:={'/' + fill(keys['namespace']).lstrip('/')}")
+        for remap in keys.get("remap", ()):
+            yield from ("-r", f"{fill(remap['from'])}:={fill(remap['to'])}")
+        for param in keys.get("param", ()):
+            if "from" in param:
+                yield from ("--params-file", fill(param["from"]))
+                continue
+            value = fill(param["value"]) if isinstance(param["value"], str) else json.dumps(param["value"])
+            if not value:
+                raise LaunchError(f"parameter {param['name']} of {keys['exec']} is empty")
+            yield from ("-p", f"{fill(param['name'])}:={value}")
+
+    found = []
+    for kind, keys in read(path):
+        if kind == "arg" or not holds(keys.get("if", "true")) or holds(keys.get("unless", "false")):
+            continue
+        if keys.get("on_exit", "shutdown") != "shutdown":
+            raise LaunchError(f"{path.name}: on_exit can only be shutdown, got {keys['on_exit']!r}")
+        if kind == "node":
+            program = packages.executable(fill(keys["pkg"]), fill(keys["exec"]))
+            command, ros = [str(program), *words(keys.get("args", ""))], list(options(keys))
+            command += ["--ros-args", *ros] if ros else []
+        else:
+            command = words(keys["cmd"])
+        name = fill(keys["name"]) if "name" in keys else Path(command[0]).name
+        found.append(Process(name, tuple(command), required="on_exit" in keys))
+    return found
+
+
+class System:
+    """Running processes, each in a process group of its own, their output told line by line with their names before it.
+
+    As a context manager it leaves none of them behind.
+    """
+
+    def __init__(self, processes: Sequence[Process], tell: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
+        self.failed: dict[str, int] = {}  # exit codes of those that failed, by name
+        self._processes, self._tell = processes, tell
+        self._running: dict[subprocess.Popen[str], Process] = {}
+        self._readers: list[threading.Thread] = []
+        self._events: queue.SimpleQueue[subprocess.Popen[str] | None] = queue.SimpleQueue()  # who ended; None: interrupted
+        self._over = False
+
+    def _start(self, process: Process) -> None:
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+        try:
+            child = subprocess.Popen(process.command, env=environment, start_new_session=True, text=True, errors="replace", **pipes)
+        except OSError as error:
+            raise LaunchError(f"{process.name} does not start: {error}") from error
+        self._running[child] = process
+        self._tell(f"[launch] {process.name} started, process {child.pid}")
+
+        def pass_on() -> None:
+            for line in child.stdout or ():
+                self._tell(f"[{process.name}] {line.rstrip()}")
+
+        def see_out() -> None:
+            child.wait()
+            self._events.put(child)
+
+        self._readers.append(threading.Thread(target=pass_on, daemon=True))
+        for thread in (self._readers[-1], threading.Thread(target=see_out, daemon=True)):
+            thread.start()
+
+    def interrupt(self) -> None:
+        """Ends `wait`, or hastens `stop`; may be called by a signal handler."""
+        self._events.put(None)
+
+    def _next(self, timeout: float | None) -> bool:
+        """Take one event; False when none came within `timeout` (s) or it was an interrupt."""
+        try:
+            child = self._events.get(timeout=timeout)
+        except queue.Empty:
+            return False
+        if child is None:
+            self._over = True
+            return False
+        process = self._running.pop(child)
+        self._signal(child, signal.SIGKILL)  # what it may have left in its group
+        if child.returncode not in STOPPED:
+            self.failed[process.name] = child.returncode
+        self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
+        self._over = self._over or process.required
+        return True
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Until a required process ended, all ended or `interrupt` was called. timeout: s; False when it passed first."""
+        end = None if timeout is None else time.monotonic() + timeout
+        while self._running and not self._over:
+            if not self._next(None if end is None else max(0.0, end - time.monotonic())) and not self._over:
+                return False
+        return True
+
+    @staticmethod
+    def _signal(child: subprocess.Popen[str], number: signal.Signals) -> None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(child.pid, number)
+
+    def stop(self) -> None:
+        """Asks all to end, then insists."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            for child, process in self._running.items():
+                if number is not signal.SIGINT:
+                    self._tell(f"[launch] {process.name} still runs: {number.name}")
+                self._signal(child, number)
+            end = time.monotonic() + PATIENCE
+            while self._running and self._next(max(0.0, end - time.monotonic())):
+                pass
+        for reader in self._readers:
+            reader.join(timeout=1.0)
+
+    def __enter__(self) -> System:
+        try:
+            for process in self._processes:
+                self._start(process)
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+
+def run(processes: Sequence[Process]) -> int:
+    """Runs all until the end or a signal; 0 unless one failed. Only for the main thread."""
+    system = System(processes)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: system.interrupt())
+    with system:
+        system.wait()
+    return 1 if system.failed else 0

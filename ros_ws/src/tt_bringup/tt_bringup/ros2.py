@@ -1,0 +1,170 @@
+"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, node."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from datetime import datetime
+from pathlib import Path
+
+from tt_core.errors import TtError
+
+from . import launch, packages
+
+
+def positive(text: str) -> float:
+    value = float(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not positive")
+    return value
+
+
+def run(args: argparse.Namespace) -> None:
+    program = packages.executable(args.package, args.executable)
+    os.execv(program, [str(program), *args.args])
+
+
+def start(args: argparse.Namespace) -> int:
+    """A path alone, or a package and the name of one of its launch files; NAME:=VALUE after either."""
+    words = [word for word in [args.package_or_path, *args.rest] if ":=" not in word]
+    if len(words) > 2:
+        raise TtError(f"{words[2]!r} is no name:=value")
+    path = Path(words[0]) if len(words) == 1 else packages.launch_file(*words)
+    if len(words) == 1 and not path.is_file():
+        raise TtError(f"no launch file {path}; give its path, or a package and its name")
+    if args.show_args:
+        for argument in launch.arguments(path):
+            print(f"{argument.name}\t{'(needed)' if argument.default is None else repr(argument.default)}\t{argument.description}")
+        return 0
+    return launch.run(launch.processes(path, dict(word.split(":=", 1) for word in args.rest if ":=" in word)))
+
+
+def record(args: argparse.Namespace) -> None:
+    topics = [*args.topics, *args.more_topics]
+    if bool(topics) == args.all:
+        raise TtError("give either topics or -a")
+    output = args.output or datetime.now().strftime("rosbag2_%Y_%m_%d-%H_%M_%S")
+    command = [sys.executable, "-m", "tt_bringup.record_node", "--ros-args", "-p", f"output:='{output}'"]
+    if topics:
+        command += ["-p", f"topics:={topics}"]
+    if args.exclude_regex:
+        command += ["-p", f"exclude:='{args.exclude_regex}'"]
+    os.execv(sys.executable, command)
+
+
+def play(args: argparse.Namespace) -> int:
+    from .play_node import play
+
+    remap = dict(rule.split(":=", 1) for rule in args.remap)
+    return 0 if play(args.bag, topics=args.topics, rate=args.rate, clock=args.clock, delay=args.delay, remap=remap) else 130
+
+
+def info(args: argparse.Namespace) -> None:
+    from rich.console import Console
+
+    from .record import describe
+
+    Console(soft_wrap=True).print(describe(args.bag))
+
+
+def reindex(args: argparse.Namespace) -> None:
+    from .record import reindex
+
+    print(reindex(args.bag))
+
+
+def topic_list(args: argparse.Namespace) -> None:
+    from .graph_node import topics
+
+    for name, types in topics().items():
+        print(f"{name} [{', '.join(types)}]" if args.show_types else name)
+
+
+def topic_echo(args: argparse.Namespace) -> None:
+    from .graph_node import echo
+
+    echo(args.topic, once=args.once)
+
+
+def topic_hz(args: argparse.Namespace) -> None:
+    from .graph_node import rate
+
+    rate(args.topic, args.window)
+
+
+def node_list(_: argparse.Namespace) -> None:
+    from .graph_node import nodes
+
+    print("\n".join(nodes()))
+
+
+def parser() -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(prog="ros2", description=__doc__)
+    words = top.add_subparsers(metavar="WORD", required=True)
+
+    def group(name: str, about: str) -> argparse._SubParsersAction:
+        return words.add_parser(name, help=about, description=about).add_subparsers(metavar="VERB", required=True)
+
+    def verb(among: argparse._SubParsersAction, name: str, act: object, about: str) -> argparse.ArgumentParser:
+        made = among.add_parser(name, help=about, description=about)
+        made.set_defaults(act=act)
+        return made
+
+    one = verb(words, "run", run, "run an executable of a package")
+    one.add_argument("package")
+    one.add_argument("executable")
+    one.add_argument("args", nargs=argparse.REMAINDER, help="for the executable")
+
+    one = verb(words, "launch", start, "start the processes of a launch file")
+    one.add_argument("-s", "--show-args", action="store_true", help="tell the file's arguments and end")
+    one.add_argument("package_or_path")
+    one.add_argument("rest", nargs="*", metavar="FILE or NAME:=VALUE", help="the package's launch file; arguments for it")
+
+    bag = group("bag", "record topics and play them back")
+    one = verb(bag, "record", record, "record topics")
+    one.add_argument("topics", nargs="*")
+    one.add_argument("--topics", dest="more_topics", nargs="+", default=[], metavar="TOPIC")
+    one.add_argument("-a", "--all", action="store_true", help="all topics")
+    one.add_argument("--exclude-regex", default="", metavar="REGEX", help="but not those in which this is found")
+    one.add_argument("-o", "--output", metavar="DIR", help="a new directory; named by the time unless given")
+    one = verb(bag, "play", play, "publish what was recorded")
+    one.add_argument("bag", type=Path)
+    one.add_argument("-r", "--rate", type=positive, default=1.0, help="recorded seconds in a second")
+    one.add_argument("--clock", type=positive, nargs="?", const=40.0, metavar="HZ", help="publish /clock, 40 times a second unless given")
+    one.add_argument("-d", "--delay", type=positive, default=0.0, metavar="S", help="seconds to wait first")
+    one.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these")
+    one.add_argument("-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW")
+    one = verb(bag, "info", info, "tell what a bag holds")
+    one.add_argument("bag", type=Path)
+    one = verb(bag, "reindex", reindex, "make a bag readable whose recorder was killed")
+    one.add_argument("bag", type=Path)
+
+    topic = group("topic", "look at topics")
+    one = verb(topic, "list", topic_list, "name the topics")
+    one.add_argument("-t", "--show-types", action="store_true")
+    one = verb(topic, "echo", topic_echo, "print the messages of a topic")
+    one.add_argument("topic")
+    one.add_argument("--once", action="store_true", help="end after the first")
+    one = verb(topic, "hz", topic_hz, "print the rate of a topic every second")
+    one.add_argument("topic")
+    one.add_argument("-w", "--window", type=int, default=10000, help="messages to average over")
+
+    node = group("node", "look at nodes")
+    verb(node, "list", node_list, "name the nodes")
+    return top
+
+
+def main(words: list[str] | None = None) -> int:
+    args = parser().parse_args(words)
+    try:
+        return args.act(args) or 0
+    except TtError as error:
+        print(f"ros2: {error}", file=sys.stderr)
+        return 1
+    except (KeyboardInterrupt, BrokenPipeError):
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())
