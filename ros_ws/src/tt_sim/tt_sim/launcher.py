@@ -12,8 +12,8 @@ from tt_core.states import Array, BallState
 
 KINDS = ("top", "back", "left", "right")
 
-# kind -> scale -> (v_x, v_z) m/s and spin rad/s, each with its scatter: Tables 3.1 and 3.3. Side spin is not printed: velocity as the mean of
-# both, spin as the top row's size.
+# kind -> scale -> v_x, v_z (m/s) and spin (rad/s), each with its scatter: Tables 3.1 and 3.3.
+# Side spin is not printed: about the mean of both.
 _TABLE = {
     "top": {
         3: ((-4.99, 0.09), (2.53, 0.082), (300.0, 10.0)),

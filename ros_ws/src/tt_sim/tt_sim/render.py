@@ -11,7 +11,7 @@ from numba import njit
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.states import Array, BallState
-from tt_vision.camera import Camera, project_point, ray
+from tt_vision.camera import Camera, ray
 
 SAMPLES = 16  # rays a pixel, each at its own instant of the exposure: 0.5 grey levels rms
 FACE = 256  # texels along one face of the cube of a texture, 0.2 pixels in the image

@@ -22,16 +22,16 @@ SURFACES = ("none", "table", "net", "floor", "racket")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RacketMotion:
-    """The racket at one instant. position: (3,) m, face centre; normal: (3,) unit; velocity: (3,) m/s; all in `table`."""
+    """The racket at one instant. position: (3,) m, face centre. rotation: (3, 3) racket to table. velocity: (3,) m/s, of the centre."""
 
     position: Array
-    normal: Array
+    rotation: Array
     velocity: Array
 
     @property
     def row(self) -> Array:
-        """(9,) for the kernel."""
-        return np.concatenate([self.position, self.normal, self.velocity])
+        """(9,) position, normal, velocity, for the kernel."""
+        return np.concatenate([self.position, self.rotation[:, 2], self.velocity])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +95,17 @@ def _meets(surface: int, ball: Array, racket: Array, radius: float) -> bool:
 
 @njit(cache=True)
 def first_contact(
-    ball: Array, since: float, h: float, start: Array, end: Array, tick: float, air: Array, contact: float, radius: float, out: Array, at: Array
+    ball: Array,
+    since: float,
+    h: float,
+    start: Array,
+    end: Array,
+    tick: float,
+    air: Array,
+    contact: float,
+    radius: float,
+    out: Array,
+    at: Array,
 ) -> tuple[int, float]:
     """(surface, seconds) of the first contact within h seconds; out: the ball then or after h; at: the racket then.
 

@@ -11,7 +11,7 @@ from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import Image, JointState
+from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from ..errors import BadMessage, BadShape
@@ -152,6 +152,28 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
         position, velocity = _numbers(point.transforms[0].translation), _numbers(point.velocities[0].linear)
         rackets.append(RacketState.facing(start + seconds(point.time_from_start), position, velocity, normal))
     return rackets
+
+
+def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array) -> Odometry:
+    """position: (3,) m, face centre. rotation: (3, 3) racket to table. velocity: (3,) m/s in `table`, as for the ball."""
+    message = Odometry(child_frame_id="racket")
+    message.header.stamp, message.header.frame_id = stamp(time), "table"
+    pose = message.pose.pose
+    pose.position.x, pose.position.y, pose.position.z = map(float, position)
+    q = pose.orientation
+    q.x, q.y, q.z, q.w = Rotation.from_matrix(rotation).as_quat()
+    message.twist.twist.linear = _vector3(velocity)
+    return message
+
+
+def camera_to_message(width: int, height: int, matrix: Array, distortion: Array, frame: str, time: float = 0.0) -> CameraInfo:
+    """matrix: (3, 3) K in pixels. distortion: (n,) OpenCV order, n <= 5, filled with zeros. frame: e.g. left_optical."""
+    d = np.zeros(5)
+    d[: len(distortion)] = distortion
+    message = CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=d.tolist(), k=matrix.ravel())
+    message.r, message.p = np.eye(3).ravel(), np.column_stack([matrix, np.zeros(3)]).ravel()
+    message.header.stamp, message.header.frame_id = stamp(time), frame
+    return message
 
 
 _ENCODINGS: dict[str, np.dtype] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype("<u2")}

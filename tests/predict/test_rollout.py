@@ -1,0 +1,117 @@
+"""Paths stop where they should, to rounding error, and bounce as the models say."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from tt_core.constants import BALL_RADIUS, FLOOR_Z
+from tt_core.errors import OutOfRange
+from tt_core.flight import fly
+from tt_core.physics import Physics
+from tt_core.states import BallState
+from tt_predict.rollout import StopRule, rollout
+
+PHYSICS = [Physics.liu(), Physics.measured(), Physics.liu(0.0)]
+balls = st.builds(
+    lambda vx, vy, vz, wx, wy, wz, y: BallState(0.0, [2.6, y, 0.3], [vx, vy, vz], [wx, wy, wz]),
+    st.floats(-8, -4),
+    st.floats(-0.3, 0.3),
+    st.floats(-1, 3),
+    st.floats(-100, 100),
+    st.floats(-400, 400),
+    st.floats(-400, 400),
+    st.floats(0.5, 1.0),
+)
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+@given(balls)
+def test_a_bounce_is_where_the_ball_touches_and_does_what_the_table_does(physics, ball):
+    path = rollout(ball, physics, StopRule.at_x(-0.5))
+    for bounce in path.bounces:
+        assert bounce.before.position[2] == pytest.approx(physics.contact_height, abs=1e-12)
+        velocity, spin = physics.table.after(bounce.before.velocity, bounce.before.spin)
+        assert bounce.after.velocity == pytest.approx(velocity)
+        assert bounce.after.spin == pytest.approx(spin)
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+@given(balls)
+def test_a_mirror_image_takes_the_mirrored_path(physics, ball):
+    one = rollout(ball, physics, StopRule.at_x(-0.2))
+    turned = BallState(0.0, ball.position * [1, -1, 1] + [0, 1.525, 0], ball.velocity * [1, -1, 1], ball.spin * [-1, 1, -1])
+    other = rollout(turned, physics, StopRule.at_x(-0.2))
+    assert one.times == pytest.approx(other.times, abs=1e-9)
+    assert other.positions * [1, -1, 1] + [0, 1.525, 0] == pytest.approx(one.positions, abs=1e-8)
+
+
+@given(balls)
+def test_the_path_is_the_flight_up_to_the_bounce(ball):
+    assume(np.hypot(*ball.spin[1:]) > 20.0)  # spin along the flight alone: (3.3) jumps, and no step order holds across a jump
+    physics = Physics.liu()
+    path = rollout(ball, physics, StopRule.at_landing())
+    assert not path.bounces
+    # 1e-10 m and m/s: the order of the integrator's own error, the steps being cut at another place
+    assert path.end.vector == pytest.approx(fly(ball.vector, path.end.time, physics.air.coefficients), abs=1e-9)
+    if path.ended == "stop":
+        assert path.end.position[2] == pytest.approx(physics.contact_height, abs=1e-12)
+
+
+def test_stop_rules_stop_where_they_say():
+    ball, physics = BallState(1.0, [2.6, 0.76, 0.3], [-5.0, 0.0, 2.0], [0, -300, 0]), Physics.liu()
+    assert rollout(ball, physics, StopRule.at_time(1.25)).end.time == pytest.approx(1.25, abs=1e-15)
+    assert rollout(ball, physics, StopRule.at_x(0.1)).end.position[0] == pytest.approx(0.1, abs=1e-12)
+    assert rollout(ball, physics, StopRule.at_time(1.0)).end.vector == pytest.approx(ball.vector)
+    assert rollout(ball, physics, StopRule.at_x(9.0)).ended == "floor"
+
+
+@pytest.mark.parametrize(
+    ("velocity", "spin", "where"),
+    [
+        ([-6.22, 0, 1.07], [0, -360, 0], "at the top of the bounce in the window"),
+        ([-5.05, 0.3, 2.0], [0, 0, 285], "at the top of the bounce in the window"),
+        ([-4.99, 0, 2.53], [0, -300, 0], "still rising at -0.3"),
+        ([-4.0, 0, 1.0], [0, 0, 0], "falling already at 0"),
+    ],
+)
+def test_the_dissertations_rule(velocity, spin, where):
+    end = rollout(BallState(0.0, [2.62, 0.76, 0.27], velocity, spin), Physics.liu(), StopRule.liu()).end
+    assert {
+        "at the top of the bounce in the window": -0.3 < end.position[0] < 0 and abs(end.velocity[2]) < 1e-9,
+        "still rising at -0.3": abs(end.position[0] + 0.3) < 1e-9 and end.velocity[2] > 0,
+        "falling already at 0": abs(end.position[0]) < 1e-9 and end.velocity[2] <= 0,
+    }[where]
+
+
+def test_a_ball_beside_the_table_falls_to_the_floor():
+    path = rollout(BallState(0.0, [1.0, -0.5, 0.3], [0, 0, 0], [0, 0, 0]), Physics.liu(), StopRule.at_x(-1.0))
+    assert (path.ended, path.bounces) == ("floor", ())
+    assert path.end.position[2] == pytest.approx(FLOOR_Z + BALL_RADIUS, abs=1e-12)
+
+
+def test_a_ball_left_alone_on_the_table_rolls_out():
+    path = rollout(BallState(0.0, [1.0, 0.7, 0.03], [0, 0, 0], [0, 0, 0]), Physics.liu(), StopRule.at_x(-1.0))
+    assert path.ended in ("rolling", "too long")
+    assert path.end.position[2] >= 0.02 - 1e-12
+
+
+@given(st.floats(0.0, 0.4))
+def test_a_path_may_be_cut_anywhere(time):
+    """Rolling on from a point of the path gives the rest of the path: nothing depends on where the steps lie."""
+    ball, physics = BallState(0.0, [2.6, 0.76, 0.3], [-6.5, 0.1, 1.0], [30, -300, 50]), Physics.measured()
+    whole = rollout(ball, physics, StopRule.at_x(-0.3))
+    assume(abs(time - whole.bounces[0].time) > 1e-6)
+    first = rollout(ball, physics, StopRule.at_time(time)).end
+    assert rollout(first, physics, StopRule.at_x(-0.3)).end.vector == pytest.approx(whole.end.vector, abs=1e-7)
+
+
+def test_bad_values_name_themselves():
+    ball = BallState(1.0, [2.6, 0.76, 0.3], [-5.0, 0.0, 2.0], [0, -300, 0])
+    with pytest.raises(OutOfRange, match="stop time after the ball's = -0.5"):
+        rollout(ball, Physics.liu(), StopRule.at_time(0.5))
+    with pytest.raises(ValueError, match="x = nan"):
+        StopRule.at_x(math.nan)
+    with pytest.raises(ValueError, match="velocity"):
+        BallState(0.0, [0, 0, 0], [np.nan, 0, 0], [0, 0, 0])

@@ -1,0 +1,96 @@
+"""What the solver says, the models do: solve, then hit and fly, lands on the goal."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tt_core.constants import NET_HEIGHT
+from tt_core.errors import TtError
+from tt_core.flight import fly
+from tt_core.physics import Physics
+from tt_core.states import BallState, ReturnGoal
+from tt_racket.stroke import solve
+
+balls = st.builds(
+    lambda x, y, z, vx, vy, vz, wx, wy, wz: BallState(2.0, [x, y, z], [vx, vy, vz], [wx, wy, wz]),
+    st.floats(-0.3, 0.0),
+    st.floats(0.3, 1.2),
+    st.floats(0.15, 0.5),
+    st.floats(-6, -2.5),
+    st.floats(-0.8, 0.8),
+    st.floats(-1, 1),
+    *[st.floats(-400, 400)] * 3,
+)
+goals = st.builds(
+    lambda x, y, t, wy, wz: ReturnGoal([x, y], t, wy, wz),
+    st.floats(1.6, 2.6),
+    st.floats(0.2, 1.3),
+    st.floats(0.45, 0.8),
+    *[st.floats(-150, 150)] * 2,
+)
+
+
+@pytest.mark.parametrize("physics", [Physics.liu(), Physics.measured(), Physics.liu(0.0)])
+@given(balls, goals)
+def test_a_solved_stroke_lands_on_the_goal(physics, ball, goal):
+    stroke = solve(ball, goal, physics)
+    if stroke.reason:
+        return
+    velocity, spin = physics.racket.after(ball.velocity, ball.spin, stroke.racket)
+    end = fly(np.concatenate([ball.position, velocity, spin]), goal.flight_time, physics.air.coefficients)
+    # 1e-6 m: the asked exactness; the inverse loses digits where |eta| comes near |xi|
+    assert end[:3] == pytest.approx([*goal.landing, physics.contact_height], abs=1e-6)
+    assert spin[1:] == pytest.approx([goal.spin_y, goal.spin_z], abs=1e-5)
+    assert stroke.racket.time == ball.time
+    assert stroke.racket.position + physics.contact_height * stroke.racket.normal == pytest.approx(ball.position, abs=1e-9)
+
+
+@given(balls, goals)
+def test_a_mirror_image_is_hit_mirrored(ball, goal):
+    flip = BallState(ball.time, ball.position * [1, -1, 1] + [0, 1.525, 0], ball.velocity * [1, -1, 1], ball.spin * [-1, 1, -1])
+    one = solve(ball, goal, Physics.liu())
+    other = solve(flip, ReturnGoal([goal.landing[0], 1.525 - goal.landing[1]], goal.flight_time, goal.spin_y, -goal.spin_z), Physics.liu())
+    assert (one.reason is None) == (other.reason is None)
+    if one.racket:
+        assert other.racket.velocity * [1, -1, 1] == pytest.approx(one.racket.velocity, abs=1e-5)
+        assert other.racket.normal * [1, -1, 1] == pytest.approx(one.racket.normal, abs=1e-5)
+
+
+BALL = BallState(0.0, [-0.15, 0.7, 0.25], [-2.5, 0, 0.1], [0, 150, 0])
+GOAL = ReturnGoal([2.055, 0.7625], 0.6, -100, 0)
+
+
+def test_fewer_corrections_are_coarser():
+    residuals = [solve(BALL, GOAL, Physics.liu(), corrections=n).residual for n in (0, 1, 2, 4, 8)]
+    assert residuals == sorted(residuals, reverse=True)
+    assert residuals[0] == solve(BALL, GOAL, Physics.liu(), method="sam").residual
+
+
+@pytest.mark.parametrize(
+    ("ball", "goal", "reason"),
+    [
+        (BALL, ReturnGoal([1.0, 0.7], 0.6, 0, 0), "not on the opponent's half"),
+        (BALL, ReturnGoal([2.0, 2.7], 0.6, 0, 0), "not on the opponent's half"),
+        (BALL, ReturnGoal([2.0, 0.7], 0.6, 1900, 0), "times what the rubber gives"),
+        (BALL, ReturnGoal([2.0, 0.7], 0.2, 0, 0), "would hit the net"),
+        (BALL, ReturnGoal([2.0, 0.7], 0.03, 0, 0), "no velocity leads to the goal"),
+        (BallState(0.0, [-0.15, 0.7, 0.25], [2.5, 0, 0], [0, 0, 0]), GOAL, "the ball does not come: v_x = 2.5"),
+        (BallState(0.0, [1.5, 0.7, 0.25], [-2.5, 0, 0], [0, 0, 0]), GOAL, "on the opponent's side"),
+    ],
+)
+def test_what_cannot_be_is_a_reason(ball, goal, reason):
+    stroke = solve(ball, goal, Physics.liu())
+    assert reason in stroke.reason
+    assert stroke.racket is None and stroke.ball_after is None
+
+
+def test_a_return_clears_the_net():
+    stroke = solve(BALL, GOAL, Physics.liu())
+    heights = [fly(stroke.ball_after.vector, t, Physics.liu().air.coefficients) for t in np.linspace(0, 0.6, 601)]
+    over = min(heights, key=lambda s: abs(s[0] - 1.37))
+    assert over[2] > NET_HEIGHT + 0.02
+
+
+def test_an_unknown_method_names_itself():
+    with pytest.raises(TtError, match="method 'newton' is none of"):
+        solve(BALL, GOAL, Physics.liu(), method="newton")
