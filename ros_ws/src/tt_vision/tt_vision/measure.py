@@ -1,0 +1,88 @@
+"""A burst of images in, the ball's state out: position, velocity and spin at the last frame, or the reason why not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.errors import BadShape
+from tt_core.states import Array, BallState
+
+from .camera import Camera
+from .centre import Image, find_ball
+from .motion import Motion, fit_motion
+from .spin import SpinEstimate, check_frames, check_times, estimate_spin
+
+LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
+MOST_FRAMES = 10  # more add time and no accuracy
+ROUGH = 0.5  # pixels rms of the outline: 0.15 is usual, above this it is no ball or not one ball
+SYSTEMATIC_PIXELS = 0.1  # error of the outline that all frames of a camera share: light
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """ball: at the time of the last frame used, with covariance; None when reason is not None.
+
+    reason: why there is no ball. used: how many frames (pairs of images); left_out: how many did not show the whole ball, by reason.
+    motion, spin: the parts, as far as they came.
+    """
+
+    ball: BallState | None
+    reason: str | None
+    used: int
+    left_out: dict[str, int]
+    motion: Motion | None = None
+    spin: SpinEstimate | None = None
+
+    @property
+    def residual(self) -> float:
+        """Of the marks: 0 when they agree in all images, 1 when unrelated or not compared."""
+        return 1.0 if self.spin is None else self.spin.residual
+
+
+def measure(left: Image, right: Image, times: Array, cameras: Sequence[Camera]) -> Measurement:
+    """left, right: (k, h, w) uint8 or uint16, taken at `times` (k,) s, rising, middle of the exposure. cameras: (left, right).
+
+    Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
+    """
+    times = check_times(times)
+    check_frames((left, right), len(times), len(cameras))
+    for camera, images in zip(cameras, (left, right), strict=True):
+        if np.shape(images)[1:] != (camera.height, camera.width):
+            raise BadShape("images", np.shape(images), f"(k, {camera.height}, {camera.width})")
+    spots = [[find_ball(image) for image in images] for images in (left, right)]
+    reasons = [a.reason or b.reason for a, b in zip(*spots, strict=True)]
+    left_out = dict(Counter(reason for reason in reasons if reason))
+    good = [k for k, reason in enumerate(reasons) if reason is None][-MOST_FRAMES:]
+    if len(good) < LEAST_FRAMES:
+        why = "".join(f", {count} x {reason}" for reason, count in left_out.items())
+        return Measurement(None, f"{len(good)} good frames of {len(times)}, {LEAST_FRAMES} needed{why}", len(good), left_out)
+    frames = [[images[k] for k in good] for images in (left, right)]
+    spots = [[row[k] for k in good] for row in spots]
+    times = times[good]
+    motion = fit_motion(frames, spots, times, cameras)
+    reason = _doubt(motion, spots)
+    if reason:
+        return Measurement(None, reason, len(good), left_out, motion)
+    spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
+    if spin.reason:
+        return Measurement(None, spin.reason, len(good), left_out, motion, spin)
+    covariance = np.zeros((9, 9))
+    covariance[:6, :6], covariance[6:, 6:] = motion.covariance, spin.covariance
+    ball = BallState(motion.time, motion.position, motion.velocity, spin.spin, covariance)
+    return Measurement(ball, None, len(good), left_out, motion, spin)
+
+
+def _doubt(motion: Motion, spots: Sequence[Sequence[object]]) -> str | None:
+    images = len(spots) * len(spots[0])
+    if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
+        return "no ball: the outlines do not fit"
+    if motion.points < 16 * images:
+        return f"no ball: {motion.points} outline points in {images} images"
+    if motion.residual > ROUGH:
+        return f"no ball: outline off by {motion.residual:.2f} pixels rms"
+    if np.abs(motion.offsets).max() > 2.0:
+        return f"the cameras do not see the same ball: {np.abs(motion.offsets).max():.1f} pixels apart"
+    return None

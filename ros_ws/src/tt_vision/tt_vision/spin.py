@@ -1,0 +1,95 @@
+"""The spin of the ball from a burst of images (dissertation Sections 2.3 and 2.4, and a registration without initial guess)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.constants import RPM
+from tt_core.errors import BadShape, TtError, check_array
+from tt_core.states import Array
+
+from .camera import Camera
+from .centre import Image, Spot, find_ball
+from .motion import Motion, fit_motion
+from .registration import GATE, register
+from .surface import DULL, unwrap
+
+SYSTEMATIC = 5.0 * RPM  # rad/s, standard deviation of what noise does not explain: light, centres
+CORRELATED = 4.0  # neighbouring points share pixels: the least squares counts each pixel about four times
+UNKNOWN = 1e6  # (rad/s)^2
+
+
+@dataclass(frozen=True, eq=False)
+class SpinEstimate:
+    """spin: (3,) rad/s in `table`; covariance: (3, 3). residual: 0 for marks that agree in all images, 1 for unrelated ones.
+
+    reason: None, or why there is no estimate: then spin is zero and the covariance large. iterations: rotations tried or steps taken.
+    """
+
+    spin: Array
+    covariance: Array
+    residual: float
+    reason: str | None = None
+    iterations: int = 0
+
+
+def estimate_spin(
+    frames: Sequence[Sequence[Image]],
+    times: Array,
+    cameras: Sequence[Camera],
+    *,
+    method: str = "registration",
+    motion: Motion | None = None,
+    spots: Sequence[Sequence[Spot]] | None = None,
+) -> SpinEstimate:
+    """Spin from images that all show the whole ball.
+
+    frames: [camera][frame] of (h, w) uint8 or uint16. times: (frames,) s, rising, middle of the exposures. motion, spots: when already
+    known. method: "registration", every rotation up to 66 deg between frames is tried; "liu", Method 2 of the dissertation;
+    "correlation", its Method 1. Raises TtError for arguments that do not fit together.
+    """
+    times = check_times(times)
+    check_frames(frames, len(times), len(cameras))
+    spots = spots if spots is not None else [[find_ball(image) for image in row] for row in frames]
+    for row in spots:
+        for spot in row:
+            if spot.reason is not None:
+                return refused(spot.reason)
+    motion = motion or fit_motion(frames, spots, times, cameras)
+    if method == "registration":
+        return _by_registration(frames, times, cameras, motion, spots)
+    raise TtError(f"method {method!r} is none of 'registration', 'liu', 'correlation'")
+
+
+def _by_registration(
+    frames: Sequence[Sequence[Image]], times: Array, cameras: Sequence[Camera], motion: Motion, spots: Sequence[Sequence[Spot]]
+) -> SpinEstimate:
+    backgrounds = np.array([[spot.background for spot in row] for row in spots])
+    surface = unwrap(frames, backgrounds, motion.positions(times), motion.offsets, times - np.mean(times), cameras)
+    if surface.contrast < DULL:
+        return refused("no marks on the ball")
+    found = register(surface)
+    if found.residual > GATE:
+        return refused(f"marks do not agree between frames (residual {found.residual:.2f})", found.residual, found.candidates)
+    covariance = CORRELATED * np.linalg.inv(found.information) + SYSTEMATIC**2 * np.eye(3)
+    return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates)
+
+
+def refused(reason: str, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
+    return SpinEstimate(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
+
+
+def check_times(times: Array) -> Array:
+    """(k,) s, at least two, rising; raises TtError."""
+    times = check_array("times", times, (-1,))
+    if len(times) < 2 or (np.diff(times) <= 0.0).any():
+        raise TtError(f"times must rise and be at least two, got {times}")
+    return times
+
+
+def check_frames(frames: Sequence[Sequence[Image]], count: int, cameras: int) -> None:
+    """Raises BadShape unless there are `count` images from each of `cameras` cameras."""
+    if len(frames) != cameras or any(len(row) != count for row in frames):
+        raise BadShape("frames", (len(frames), *(len(row) for row in frames)), f"{cameras} cameras x {count} frames")
