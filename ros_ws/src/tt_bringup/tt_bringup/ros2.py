@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -18,6 +19,13 @@ def positive(text: str) -> float:
     if value <= 0.0:
         raise argparse.ArgumentTypeError(f"{text} is not positive")
     return value
+
+
+def renaming(text: str) -> tuple[str, str]:
+    old, separator, new = text.partition(":=")
+    if not (old and separator and new):
+        raise argparse.ArgumentTypeError(f"{text} is not OLD:=NEW")
+    return old, new
 
 
 def run(args: argparse.Namespace) -> None:
@@ -53,11 +61,13 @@ def record(args: argparse.Namespace) -> None:
     os.execv(sys.executable, command)
 
 
-def play(args: argparse.Namespace) -> int:
+def play(args: argparse.Namespace) -> None:
     from .play_node import play
 
-    remap = dict(rule.split(":=", 1) for rule in args.remap)
-    return 0 if play(args.bag, topics=args.topics, rate=args.rate, clock=args.clock, delay=args.delay, remap=remap) else 130
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    count = play(args.bag, topics=args.topics, rate=args.rate, clock=args.clock, delay=args.delay, remap=dict(args.remap))
+    print(f"played {count} messages")
 
 
 def info(args: argparse.Namespace) -> None:
@@ -65,7 +75,7 @@ def info(args: argparse.Namespace) -> None:
 
     from .record import describe
 
-    Console(soft_wrap=True).print(describe(args.bag))
+    Console(width=None if sys.stdout.isatty() else 160).print(describe(args.bag))
 
 
 def reindex(args: argparse.Namespace) -> None:
@@ -134,7 +144,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--clock", type=positive, nargs="?", const=40.0, metavar="HZ", help="publish /clock, 40 times a second unless given")
     one.add_argument("-d", "--delay", type=positive, default=0.0, metavar="S", help="seconds to wait first")
     one.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these")
-    one.add_argument("-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW")
+    one.add_argument("-m", "--remap", nargs="+", type=renaming, default=[], metavar="OLD:=NEW")
     one = verb(bag, "info", info, "tell what a bag holds")
     one.add_argument("bag", type=Path)
     one = verb(bag, "reindex", reindex, "make a bag readable whose recorder was killed")

@@ -1,0 +1,110 @@
+"""Looks at the graph: who is there, what flows."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+import yaml
+from rclpy.node import Node
+from tt_core.errors import TtError
+from tt_core.ros.run import run
+
+from .packages import message_type
+from .record_node import matching_qos
+
+QUIET = 0.7  # s without a change: discovery is over; twice what one node was seen to take on an idle machine
+LONGEST = 5.0  # s to look at a graph that keeps changing, or for a topic
+
+
+def _topics(node: Node) -> dict[str, list[str]]:
+    return {name: list(types) for name, types in sorted(node.get_topic_names_and_types())}
+
+
+@contextmanager
+def _graph() -> Iterator[Node]:
+    """A node that has discovered the others."""
+    rclpy.init(args=[])
+    node = rclpy.create_node("ros2_graph", enable_rosout=False, start_parameter_services=False)
+    try:
+        seen, end, quiet = None, time.monotonic() + LONGEST, 0.0
+        while time.monotonic() < min(end, quiet or end):
+            now = (node.get_node_names_and_namespaces(), node.get_topic_names_and_types())
+            if now != seen:
+                seen, quiet = now, time.monotonic() + QUIET
+            time.sleep(0.05)
+        yield node
+    finally:
+        rclpy.try_shutdown()
+
+
+def topics() -> dict[str, list[str]]:
+    """The types of each topic."""
+    with _graph() as node:
+        return _topics(node)
+
+
+def nodes() -> list[str]:
+    with _graph() as node:
+        return sorted(name for name in node.get_fully_qualified_node_names() if name != node.get_fully_qualified_name())
+
+
+def plain(value: Any) -> Any:
+    """A message as what YAML can write."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, (bytes, bytearray)):
+        return list(value)
+    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+class _Listener(Node):
+    """Gives the messages of the one topic `name` to `on_message`; raises TtError if nobody publishes it."""
+
+    def __init__(self, name: str, on_message: Callable[[Any], None], *, raw: bool = False) -> None:
+        super().__init__("ros2_listener", enable_rosout=False, start_parameter_services=False)
+        topic, end = self.resolve_topic_name(name), time.monotonic() + LONGEST
+        while not (offered := self.get_publishers_info_by_topic(topic)):
+            if time.monotonic() > end:
+                raise TtError(f"nobody publishes {topic}; there is {', '.join(_topics(self))}")
+            time.sleep(0.05)
+        kind = message_type(offered[0].topic_type)
+        self.create_subscription(kind, topic, on_message, matching_qos([info.qos_profile for info in offered]), raw=raw)
+
+
+def echo(topic: str, once: bool = False) -> None:
+    """Prints the messages of `topic` as YAML documents until it is interrupted, or only one."""
+
+    def tell(message: Any) -> None:
+        print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=140), end="---\n", flush=True)
+        if once:
+            rclpy.try_shutdown()
+
+    run(lambda: _Listener(topic, tell))
+
+
+def rate(topic: str, window: int) -> None:
+    """Prints the rate of `topic` over its last `window` messages, every second until it is interrupted."""
+    times: deque[float] = deque(maxlen=window + 1)
+
+    def tell() -> None:
+        gaps = [b - a for a, b in itertools.pairwise(times)]
+        if not gaps:
+            print("no messages", flush=True)
+            return
+        mean = sum(gaps) / len(gaps)
+        print(f"average rate: {1.0 / mean:.3f}\n\tmin: {min(gaps):.6f}s max: {max(gaps):.6f}s window: {len(gaps)}", flush=True)
+
+    def make() -> Node:
+        node = _Listener(topic, lambda _: times.append(time.monotonic()), raw=True)
+        node.create_timer(1.0, tell)
+        return node
+
+    run(make)

@@ -1,0 +1,40 @@
+"""What a player does when: recorded messages and clock ticks in one order, each when it is due."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+
+class Step(NamedTuple):
+    """time: ns, of the recording. topic: None for a clock tick."""
+
+    time: int
+    topic: str | None = None
+    data: bytes = b""
+
+
+def with_clock(messages: Iterable[Step], start: int, stop: int, period: int) -> Iterator[Step]:
+    """`messages`, and a tick every `period` from `start` to `stop` (all in ns); a tick comes before a message of its time."""
+    tick = start
+    for step in messages:
+        while tick <= step.time:
+            yield Step(tick)
+            tick += period
+        yield step
+    while tick <= stop:
+        yield Step(tick)
+        tick += period
+
+
+def pace(steps: Iterable[Step], start: int, rate: float, now: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[Step]:
+    """Each of `steps` when it is due; what is late is not dropped, and delays do not add up.
+
+    start: ns, the time of the recording that is now. rate: recorded seconds in a second. now: s. sleep: takes s.
+    """
+    origin = now()
+    for step in steps:
+        left = origin + (step.time - start) * 1e-9 / rate - now()
+        if left > 0.0:
+            sleep(left)
+        yield step
