@@ -4,12 +4,14 @@ setup(
     name="tt_arm",
     version="0.1.0",
     packages=find_packages(),
+    package_data={"tt_arm": ["urdf/*.urdf"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_arm"]),
         ("share/tt_arm", ["package.xml"]),
+        ("share/tt_arm/urdf", ["tt_arm/urdf/pa10.urdf"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": []},
+    entry_points={"console_scripts": ["arm_node = tt_arm.arm_node:main"]},
 )

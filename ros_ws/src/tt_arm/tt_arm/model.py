@@ -1,0 +1,69 @@
+"""The PA10 and its racket: geometry, limits, dynamics, from the URDF in this package."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+
+import numpy as np
+import pinocchio as pin
+from tt_core.errors import check_array
+from tt_core.states import Array
+
+from .kinematics import Chain, forward
+
+URDF = resources.files(__package__) / "urdf" / "pa10.urdf"
+BASE = (-0.80, 0.7625, -0.06, 0.0)  # m, m, m, rad: base_link in `table` as x, y, z, yaw; our choice: a 0.70 m pedestal behind the table
+MOUNT = (0.15, 0.5 * np.pi)  # m beyond the flange on its axis, rad about its y axis; our choice: the normal is the flange's x axis
+WAITING = tuple(np.radians([-73.0, 58.0, 62.0, 104.0, -11.0, 85.0, 144.0]).tolist())  # rad; our choice: racket behind the table, facing it
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """Joint order s1, s2, s3, e1, e2, w1, w2; `racket` is the face centre, its z axis the face normal.
+
+    position_limits: (7, 2) rad, low and high. speed_limits: (7,) rad/s, both ways. torque_limits: (7,) N m at the joints.
+    waiting: (7,) rad, where the arm waits for a ball. chain: what the kernels need. pinocchio: the model with its dynamics.
+    """
+
+    names: tuple[str, ...]
+    position_limits: Array
+    speed_limits: Array
+    torque_limits: Array
+    waiting: Array
+    chain: Chain
+    pinocchio: pin.Model
+
+    @classmethod
+    def pa10(cls, base: Sequence[float] = BASE, mount: Sequence[float] = MOUNT, waiting: Sequence[float] = WAITING) -> ArmModel:
+        """base: x, y, z (m) and yaw (rad) of base_link in `table`. mount: m beyond the flange, rad about the flange's y axis.
+
+        Raises BadShape, NotFinite.
+        """
+        x, y, z, yaw = check_array("base", base, (4,))
+        ahead, tilt = check_array("mount", mount, (2,))
+        model = pin.buildModelFromUrdf(str(URDF))
+        lengths = [sum(model.jointPlacements[i].translation[2] for i in pair) for pair in ((1, 2), (3, 4), (5, 6), (7,))]
+        racket = pin.SE3(pin.rpy.rpyToMatrix(0.0, float(tilt), 0.0), np.array([0.0, 0.0, ahead]))
+        model.frames[model.getFrameId("racket")].placement = racket
+        model.jointPlacements[1] = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, float(yaw)), np.array([x, y, z])) * model.jointPlacements[1]
+        constants = (pin.rpy.rpyToMatrix(0.0, 0.0, float(yaw)), np.array([x, y, z]), np.array(lengths), racket.rotation, racket.translation)
+        return cls(
+            names=tuple(model.names[1:]),
+            position_limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
+            speed_limits=model.velocityLimit.copy(),
+            torque_limits=model.effortLimit.copy(),
+            waiting=check_array("waiting", waiting, (7,)),
+            chain=Chain(*(np.array(c, order="C") for c in constants)),
+            pinocchio=model,
+        )
+
+    def racket(self, q: Array) -> tuple[Array, Array]:
+        """Position (3,) m of the face centre and rotation (3, 3) of the racket, in `table`, for q (7,) rad."""
+        position, rotation, _ = forward(check_array("q", q, (7,)).copy(), self.chain)
+        return position, rotation
+
+    def jacobian(self, q: Array) -> Array:
+        """(6, 7) to the velocity of the face centre (m/s) and the racket's angular velocity (rad/s), in `table`, (B.21)."""
+        return forward(check_array("q", q, (7,)).copy(), self.chain)[2]
