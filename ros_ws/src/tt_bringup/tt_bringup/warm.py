@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
-from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.states import RacketState
+from tt_core.states import BallState
+from tt_predict.rollout import StopRule, rollout
+from tt_racket.goal import GoalParams, answer
+from tt_racket.intercept import InterceptParams, intercept
+from tt_sim.footage import footage
+from tt_sim.launcher import LauncherParams, launch
+from tt_sim.render import Scene
+from tt_sim.world import RacketMotion, World
+from tt_vision.measure import measure
+from tt_vision.rig import high_speed_pair
 
 
 def main() -> None:
-    physics = Physics.liu()
-    ball = np.array([2.6, 0.76, 0.3, -5.0, 0.1, 2.0, 10.0, -300.0, 20.0])
-    fly(ball, 0.1, physics.air.coefficients)
-    physics.air.acceleration(ball[3:6], ball[6:9])
-    physics.table.after(np.array([-5.0, 0.0, -2.0]), ball[6:9])
-    physics.racket.after(ball[3:6], ball[6:9], RacketState(0.0, [0, 0, 0], [1.0, 0.0, 1.0], 0.0, 1.0))
+    rng, physics, cameras = np.random.default_rng(0), Physics.liu(), high_speed_pair()
+    ball, orientation = launch("top", 4, LauncherParams(), rng)
+    frames = list(footage(ball, orientation, cameras, Scene(), physics, rng))[8:14]
+    left, right = (np.array([frame.images[i] for frame in frames]) for i in range(2))
+    seen = measure(left, right, np.array([frame.time for frame in frames]), cameras).ball or ball
+    path = rollout(seen, physics, StopRule.at_x(-0.4))
+    intercept(path, answer(seen.spin, GoalParams()), physics, InterceptParams())
+    racket = RacketMotion(np.array([-0.2, 0.7, 0.2]), np.eye(3), np.zeros(3))
+    world = World(physics)
+    world.ball = BallState(0.0, np.array([-0.2, 0.7, 0.25]), np.array([0.0, 0.0, -3.0]), np.zeros(3))
+    world.advance(0.02, racket, racket, 0.02)
+    for rebound in (physics.table, Physics.measured().table):
+        rebound.after(np.array([-5.0, 0.0, -2.0]), ball.spin)
 
 
 if __name__ == "__main__":
