@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class BadMessage(TtError):
 def check_range(name: str, value: float, low: float, high: float) -> float:
     """`value` as float; raises NotFinite or OutOfRange."""
     value = float(value)
-    if not np.isfinite(value):
+    if not math.isfinite(value):
         raise NotFinite(name, value)
     if not low <= value <= high:
         raise OutOfRange(name, value, low, high)
@@ -52,9 +53,12 @@ def check_range(name: str, value: float, low: float, high: float) -> float:
 def check_array(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     """A read-only float64 copy of `value`; -1 in `shape` takes any length. Raises BadShape or NotFinite."""
     array = np.array(value, dtype=np.float64)
-    if array.ndim != len(shape) or any(want not in (-1, have) for have, want in zip(array.shape, shape, strict=True)):
+    if array.shape != shape and not (
+        array.ndim == len(shape) and all(want in (-1, have) for have, want in zip(array.shape, shape, strict=True))
+    ):
         raise BadShape(name, array.shape, shape)
-    if not np.isfinite(array).all():
+    # for a few numbers the plain loop is faster than numpy's
+    if not (all(map(math.isfinite, array.tolist())) if array.ndim == 1 and len(array) < 10 else np.isfinite(array).all()):
         raise NotFinite(name, array)
     array.flags.writeable = False
     return array

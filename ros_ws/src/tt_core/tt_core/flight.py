@@ -18,7 +18,7 @@ from .constants import AIR_DENSITY, BALL_MASS, BALL_RADIUS, GRAVITY
 from .errors import check_array, check_range
 from .states import Array
 
-MAX_STEP = 0.02  # s, of the integrator
+MAX_STEP = 0.025  # s, of the integrator
 
 DRAG_UNIT = AIR_DENSITY / BALL_MASS * 0.5 * math.pi * BALL_RADIUS**2  # 1/m for C_D = 1, (3.1)
 LIFT_UNIT = AIR_DENSITY / BALL_MASS * 4.0 / 3.0 * math.pi * BALL_RADIUS**3  # dimensionless for C_M = 1, (3.1)
@@ -154,11 +154,11 @@ def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
 
 
 @njit(cache=True)
-def fly(state: Array, duration: float, c: Array) -> Array:
+def fly(state: Array, duration: float, c: Array, max_step: float = MAX_STEP) -> Array:
     """(9,) the state `duration` seconds later, free flight; duration may be negative."""
     out = state.copy()
     work = np.empty((8, 3))
-    steps = max(1, math.ceil(abs(duration) / MAX_STEP - 1e-9))
+    steps = max(1, math.ceil(abs(duration) / max_step - 1e-9))
     for _ in range(steps):
         step(out, duration / steps, c, out, work)
     return out

@@ -19,6 +19,8 @@ from tt_core.states import Array, BallState, RacketState, ReturnGoal
 from .impact import racket_for, spin_after
 
 TOLERANCE = 1e-9  # m, of the landing
+COARSE_STEP = 0.1  # s, of the flights far from the solution: 1e-7 m off
+COARSE = 1e-6  # m, the residual from which the flights are exact
 MOST_CORRECTIONS = 40
 FASTEST = 60.0  # m/s after the hit; past it the search has left the field
 
@@ -59,29 +61,34 @@ def _shoot(
     The start of the inverse Jacobian is that of a flight without air, 1 / flight_time.
     """
     inverse = np.eye(3) / flight_time
-    miss, last, change, moved = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    residual = np.inf
+    miss, last, change, moved, b, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    residual, max_step, fresh = np.inf, COARSE_STEP, True
     for n in range(most + 1):
         if abs(after[3] - ball[3]) < 1e-6 or not abs(after[3]) + abs(after[4]) + abs(after[5]) < FASTEST:
             return np.inf, n
         spin_after(ball[3:6], ball[6:9], after[3:6], spin_y, spin_z, after[6:9])
-        end = fly(after, flight_time, air)
+        end = fly(after, flight_time, air, max_step if n < most else MAX_STEP)
         for k in range(3):
             last[k] = miss[k]
             miss[k] = end[k] - target[k]
         residual = math.sqrt(miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
-        if residual < TOLERANCE or n == most:
+        if (residual < TOLERANCE and max_step == MAX_STEP) or n == most:
             return residual, n
-        if n > 0:
+        if not fresh:
             for k in range(3):
                 change[k] = miss[k] - last[k]
-            b = inverse @ change
-            row = moved @ inverse
-            scale = moved @ b
+            scale = 0.0
+            for i in range(3):
+                b[i] = inverse[i, 0] * change[0] + inverse[i, 1] * change[1] + inverse[i, 2] * change[2]
+                row[i] = moved[0] * inverse[0, i] + moved[1] * inverse[1, i] + moved[2] * inverse[2, i]
+                scale += moved[i] * b[i]
             if abs(scale) > 1e-300:
                 for i in range(3):
                     for j in range(3):
                         inverse[i, j] += (moved[i] - b[i]) * row[j] / scale
+        fresh = residual < COARSE and max_step == COARSE_STEP
+        if fresh:
+            max_step = MAX_STEP  # its residuals do not compare with the coarse ones
         for i in range(3):
             moved[i] = -(inverse[i, 0] * miss[0] + inverse[i, 1] * miss[1] + inverse[i, 2] * miss[2])
             after[3 + i] += moved[i]
