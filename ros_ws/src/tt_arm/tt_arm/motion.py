@@ -1,0 +1,130 @@
+"""One joint from one position and speed to another in a given time, within a speed and an acceleration limit.
+
+All speeds possible at a time t lie between two envelopes: as fast as the limits allow, min(v0 + a t, v_max, v1 + a (T - t)), and as slow.
+The distances possible in the time T are therefore an interval, and mixing the two envelopes reaches each of them within the limits.
+Kernels do not validate; rad, s. A motion is a row of polynomials: `knots` (n,), the times where they start, and `coefficients` (n, 6) in the
+time since then, lowest power first.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from tt_core.states import Array
+
+SLACK = 1e-9  # relative, for rounding at the very limit
+CHECKS = 48  # points at which a quintic is compared with its limits
+
+
+@njit(cache=True)
+def least_time(distance: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
+    """The shortest time; longer ones may not all be possible when v0 is not zero."""
+    direct = 0.5 * (v0 + v1) * abs(v1 - v0) / acceleration
+    if distance < direct:
+        distance, v0, v1 = -distance, -v0, -v1
+    peak = math.sqrt(max(0.0, acceleration * distance + 0.5 * (v0 * v0 + v1 * v1)))
+    if peak <= speed:
+        return max(abs(v1 - v0) / acceleration, (2.0 * peak - v0 - v1) / acceleration)
+    ramps = (speed * speed - 0.5 * (v0 * v0 + v1 * v1)) / acceleration
+    return (2.0 * speed - v0 - v1) / acceleration + (distance - ramps) / speed
+
+
+@njit(cache=True)
+def _peak(time: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
+    return min(speed, 0.5 * (v0 + v1 + acceleration * time))
+
+
+@njit(cache=True)
+def farthest(time: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
+    """The largest distance in `time`; the smallest is -farthest(time, -v0, -v1)."""
+    peak = _peak(time, v0, v1, speed, acceleration)
+    ramps = (peak * peak - 0.5 * (v0 * v0 + v1 * v1)) / acceleration
+    return ramps + peak * (time - (2.0 * peak - v0 - v1) / acceleration)
+
+
+@njit(cache=True)
+def possible(time: float, distance: float, v0: float, v1: float, speed: float, acceleration: float) -> bool:
+    if abs(v1 - v0) > acceleration * time * (1.0 + SLACK):
+        return False
+    slack = SLACK * (1.0 + abs(distance))
+    most, least = farthest(time, v0, v1, speed, acceleration), -farthest(time, -v0, -v1, speed, acceleration)
+    return least - slack <= distance <= most + slack
+
+
+@njit(cache=True)
+def fastest(time: float, distance: float, v0: float, speed: float, acceleration: float) -> float:
+    """The largest speed at the end of `distance` in `time`; the smallest is -fastest(time, -distance, -v0); none when that one is larger."""
+    k = v0 - acceleration * time
+    square = 2.0 * k * k - 2.0 * v0 * v0 + 4.0 * acceleration * distance
+    v1 = k + math.sqrt(square) if square > 0.0 else -math.inf
+    if v0 + v1 - acceleration * time < -2.0 * speed:  # the slow envelope runs back at full speed
+        square = 2.0 * acceleration * (distance + speed * time) - (v0 + speed) ** 2
+        v1 = math.sqrt(square) - speed if square > 0.0 else -math.inf
+    return min(v1, speed, v0 + acceleration * time)
+
+
+@njit(cache=True)
+def trapezoid(time: float, q0: float, v0: float, q1: float, v1: float, speed: float, acceleration: float, knots: Array, c: Array) -> int:
+    """The mixed envelopes: fills 5 knots (from 0) and their coefficients, returns 5. The motion must be possible."""
+    high, low = _peak(time, v0, v1, speed, acceleration), -_peak(time, -v0, -v1, speed, acceleration)
+    most, least = farthest(time, v0, v1, speed, acceleration), -farthest(time, -v0, -v1, speed, acceleration)
+    share = min(1.0, max(0.0, (q1 - q0 - least) / (most - least))) if most - least > 1e-12 else 0.5
+    knots[0] = 0.0
+    corners = np.array([high - v0, acceleration * time - high + v1, v0 - low, acceleration * time - v1 + low]) / acceleration
+    corners.sort()
+    knots[1:5] = np.minimum(np.maximum(corners, 0.0), time)
+    position, before = q0, v0
+    for i in range(5):
+        end = knots[i + 1] if i < 4 else time
+        up = min(high, v0 + acceleration * end, v1 + acceleration * (time - end))
+        down = max(low, v0 - acceleration * end, v1 - acceleration * (time - end))
+        after = share * up + (1.0 - share) * down
+        h = end - knots[i]
+        c[i] = 0.0
+        c[i, 0], c[i, 1] = position, before
+        if h > 0.0:
+            c[i, 2] = 0.5 * (after - before) / h
+        position += 0.5 * h * (before + after)
+        before = after
+    return 5
+
+
+@njit(cache=True)
+def quintic(time: float, q0: float, v0: float, q1: float, v1: float, knots: Array, c: Array) -> int:
+    """The fifth degree polynomial without acceleration at both ends (dissertation Section 1.1): fills one knot, returns 1."""
+    knots[0] = 0.0
+    d = q1 - q0
+    c[0, 0], c[0, 1], c[0, 2] = q0, v0, 0.0
+    c[0, 3] = (10.0 * d - (6.0 * v0 + 4.0 * v1) * time) / time**3
+    c[0, 4] = (-15.0 * d + (8.0 * v0 + 7.0 * v1) * time) / time**4
+    c[0, 5] = (6.0 * d - 3.0 * (v0 + v1) * time) / time**5
+    return 1
+
+
+@njit(cache=True)
+def quintic_holds(time: float, q0: float, v0: float, q1: float, v1: float, speed: float, acceleration: float) -> bool:
+    """Whether the quintic keeps 0.998 of the limits at CHECKS points (between them it rises by less than 0.2 %)."""
+    knots, c = np.empty(1), np.empty((1, 6))
+    quintic(time, q0, v0, q1, v1, knots, c)
+    for k in range(1, CHECKS):
+        t = time * k / CHECKS
+        v = c[0, 1] + t * t * (3.0 * c[0, 3] + t * (4.0 * c[0, 4] + t * 5.0 * c[0, 5]))
+        a = t * (6.0 * c[0, 3] + t * (12.0 * c[0, 4] + t * 20.0 * c[0, 5]))
+        if abs(v) > speed * (1.0 + SLACK) or abs(a) > 0.998 * acceleration:
+            return False
+    return True
+
+
+@njit(cache=True)
+def evaluate(t: float, knots: Array, coefficients: Array, q: Array, qdot: Array, qddot: Array) -> None:
+    """Fills q, qdot, qddot (7,) at `t`, for knots (7, n), padded with inf, and coefficients (7, n, 6)."""
+    for i in range(knots.shape[0]):
+        n = 0
+        while n + 1 < knots.shape[1] and knots[i, n + 1] <= t:
+            n += 1
+        h, c = max(0.0, t - knots[i, n]), coefficients[i, n]
+        q[i] = c[0] + h * (c[1] + h * (c[2] + h * (c[3] + h * (c[4] + h * c[5]))))
+        qdot[i] = c[1] + h * (2.0 * c[2] + h * (3.0 * c[3] + h * (4.0 * c[4] + h * 5.0 * c[5])))
+        qddot[i] = 2.0 * c[2] + h * (6.0 * c[3] + h * (12.0 * c[4] + h * 20.0 * c[5]))

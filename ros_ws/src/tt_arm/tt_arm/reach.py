@@ -1,0 +1,266 @@
+"""Which posture brings the racket to its state (inverse kinematics).
+
+Face position and normal are five conditions on seven joints. The two freedoms left are the racket's turn about its normal and the elbow's
+angle about the line from shoulder to wrist; with both given the posture is a closed form. They are chosen by a search over their whole range,
+so the answer does not hang on a start, for joint speeds well below their limits, an early arrival and a face that turns little at the strike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from tt_core.errors import check_array, check_range
+from tt_core.states import Array, RacketState
+
+from .kinematics import Chain, forward, inverse
+from .model import ArmModel
+from .motion import fastest
+from .speeds import allocate, least_shares, least_shares_steady, steady_rows
+
+LIMIT_COST = 20.0  # per rad beyond the room kept from a position limit
+LATE_COST = 5.0  # for a strike that needs more than the swing time
+STARTS = 2  # postures of the grid that are refined
+STEP_LEAST = 0.01  # rad, where the refinement ends
+
+
+@dataclass(frozen=True, slots=True)
+class ReachParams:
+    """What the choice among the postures weighs."""
+
+    swing_time: float = 0.38  # s, from rest at the seed to the strike; what is possible in it weighs each joint; our choice
+    acceleration: float = 10.0  # rad/s^2, for the swing time; half of what the swing may use, to be quiet
+    affordable: float = 0.9  # share of what is possible that may be spent to keep the face from turning; our choice
+    turning_weight: float = 0.03  # s/rad, cost of the rate at which the face normal turns, against the share spent
+    margin: float = 0.03  # rad, kept from the position limits, beside the room to brake
+    grid: int = 12  # values of each freedom at the start of the search
+
+    def __post_init__(self) -> None:
+        check_range("swing_time", self.swing_time, 0.05, 10.0)
+        check_range("acceleration", self.acceleration, 0.1, 1000.0)
+        check_range("affordable", self.affordable, 0.0, 1.0)
+        check_range("turning_weight", self.turning_weight, 0.0, 100.0)
+        check_range("margin", self.margin, 0.0, 0.5)
+        check_range("grid", self.grid, 4, 64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reach:
+    """A posture for the strike.
+
+    q: (7,) rad. qdot: (7,) rad/s. ratio: max |qdot| / limit. turning: rad/s, of the face normal. reason: None, or why it cannot be used.
+    """
+
+    q: Array
+    qdot: Array
+    ratio: float
+    turning: float
+    reason: str | None
+
+
+@njit(cache=True)
+def _turning(rows: Array, shares: Array) -> float:
+    """rad/s, of the face normal, for rows (5, 7) of `steady_rows`."""
+    x = y = 0.0
+    for i in range(7):
+        x += rows[3, i] * shares[i]
+        y += rows[4, i] * shares[i]
+    return math.hypot(x, y)
+
+
+@njit(cache=True)
+def _steadier(rows: Array, wanted: Array, shares: Array, affordable: float) -> Array:
+    """What to add to the least shares (7,) to hold the face as still as `affordable` allows; the face centre moves alike."""
+    still = np.empty(7)
+    if np.abs(shares).max() > affordable or least_shares_steady(rows, wanted, still) == np.inf:
+        return np.zeros(7)
+    part = 1.0
+    for i in range(7):
+        step = still[i] - shares[i]
+        if abs(still[i]) > affordable:
+            part = min(part, (math.copysign(affordable, step) - shares[i]) / step)
+    return part * (still - shares)
+
+
+@njit(cache=True)
+def _wind(q: Array, branch: int, seed: Array, limits: Array) -> float:
+    """The same links in space by other angles, in place, each wound to the turn nearest to the seed; returns how far that is, s at full speed.
+
+    Each bit of `branch` negates q2, q4 or q6 and turns its neighbours by pi.
+    """
+    for k in range(3):
+        if branch >> k & 1:
+            q[2 * k] += math.pi
+            q[2 * k + 1] *= -1.0
+            q[2 * k + 2] += math.pi
+    far = 0.0
+    for i in range(7):
+        q[i] += 2.0 * math.pi * round((seed[i] - q[i]) / (2.0 * math.pi))
+        for way in (-2.0 * math.pi, 2.0 * math.pi):
+            if max(limits[i, 0] - q[i] - way, q[i] + way - limits[i, 1]) < 0.0 < max(limits[i, 0] - q[i], q[i] - limits[i, 1]):
+                q[i] += way
+        far = max(far, abs(q[i] - seed[i]) / limits[i, 2])
+        if not limits[i, 0] <= q[i] <= limits[i, 1]:
+            far += 1e3
+    return far
+
+
+@njit(cache=True)
+def _posture(
+    turn: float, swivel: float, position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, chain: Chain
+) -> tuple[float, Array, Array]:
+    """Cost, q (7,) and qdot (7,) of the best posture with both freedoms given.
+
+    limits: (7, 3) low, high, speed. weights: (5,) swing time, acceleration, affordable, turning, margin.
+    """
+    q, qdot, other = np.empty(7), np.zeros(7), np.empty(7)
+    c, s = math.cos(turn), math.sin(turn)
+    turned = rotation.copy()
+    turned[:, 0], turned[:, 1] = c * rotation[:, 0] + s * rotation[:, 1], c * rotation[:, 1] - s * rotation[:, 0]
+    if not inverse(position, turned, swivel, chain, other):
+        return np.inf, q, qdot
+    nearest = np.inf
+    for branch in range(8):
+        wound = other.copy()
+        far = _wind(wound, branch, seed, limits)
+        if far < nearest:
+            nearest, q = far, wound
+    if nearest > 1e3:
+        return np.inf, q, qdot
+
+    speed, acceleration = limits[:, 2], weights[1]
+    _, _, jacobian = forward(q, chain)
+    rows = steady_rows(jacobian, turned, np.ones(7))
+    middle, half, wanted, shares = np.empty(7), np.empty(7), np.empty(5), np.empty(7)
+    scaled = rows
+    for late in range(3):  # in the swing time, later, at all
+        time = weights[0] * (1.0, 1.4, 1e3)[late]
+        wanted[:3] = velocity
+        wanted[3:] = 0.0
+        in_time = True
+        for i in range(7):  # the joint speeds possible at the strike
+            high = fastest(time, q[i] - seed[i], 0.0, speed[i], acceleration)
+            low = -fastest(time, seed[i] - q[i], 0.0, speed[i], acceleration)
+            middle[i], half[i] = 0.5 * (high + low), 0.5 * (high - low)
+            wanted -= rows[:, i] * middle[i]
+            in_time = in_time and high > low
+        cost = late * LATE_COST
+        scaled = rows * half
+        if in_time and (least_shares(scaled[:3].copy(), wanted[:3].copy(), shares) <= 1.0 or late == 2):
+            break
+    more = _steadier(scaled, wanted, shares, weights[2])
+    best = np.inf
+    for part in (0.0, 1.0):
+        mixed = middle + half * (shares + part * more)
+        own = cost + np.abs(shares + part * more).max() + weights[3] * _turning(rows, mixed)
+        for i in range(7):
+            room = min(mixed[i] ** 2 / (2.0 * acceleration), 0.2 * (limits[i, 1] - limits[i, 0])) + weights[4]
+            own += LIMIT_COST * max(0.0, limits[i, 0] + room - q[i], q[i] - limits[i, 1] + room)
+        if own < best:
+            best, qdot = own, mixed
+    return best, q, qdot
+
+
+@njit(cache=True)
+def search(
+    position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, grid: int, chain: Chain
+) -> tuple[float, Array, Array]:
+    """Cost, q (7,), qdot (7,) of the best posture: a grid over both freedoms, then a compass search from its best points."""
+    costs = np.empty((grid, grid))
+    step = 2.0 * math.pi / grid
+    for i in range(grid):
+        for j in range(grid):
+            costs[i, j] = _posture(i * step, j * step, position, rotation, velocity, seed, limits, weights, chain)[0]
+    best, q, qdot = np.inf, seed.copy(), np.zeros(7)
+    for _ in range(STARTS):
+        at = np.argmin(costs)
+        i, j = at // grid, at % grid
+        if costs[i, j] == np.inf:
+            break
+        turn, swivel, size = i * step, j * step, 0.5 * step
+        here, here_q, here_qdot = _posture(turn, swivel, position, rotation, velocity, seed, limits, weights, chain)
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                costs[(i + di) % grid, (j + dj) % grid] = np.inf
+        while size > STEP_LEAST:
+            moved = False
+            for du, dv in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
+                u, v = turn + du * size, swivel + dv * size
+                cost, there, there_qdot = _posture(u, v, position, rotation, velocity, seed, limits, weights, chain)
+                if cost < here:
+                    here, here_q, here_qdot, turn, swivel, moved = cost, there, there_qdot, u, v, True
+                    break
+            if not moved:
+                size *= 0.5
+        if here < best:
+            best, q, qdot = here, here_q, here_qdot
+    return best, q, qdot
+
+
+@njit(cache=True)
+def newton(position: Array, normal: Array, seed: Array, chain: Chain, steps: int, tolerance: float) -> tuple[bool, Array]:
+    """Newton-Raphson with the pseudo-inverse from `seed` (7,), (4.63): whether it converged, and q (7,)."""
+    q = seed.copy()
+    error, rows = np.empty(5), np.empty((5, 7))
+    for _ in range(steps):
+        point, rotation, jacobian = forward(q, chain)
+        turn = np.cross(rotation[:, 2], normal)
+        sine, cosine = math.sqrt(turn @ turn), rotation[:, 2].copy() @ normal
+        factor = math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0
+        error[:3] = position - point
+        for k in range(2):
+            error[3 + k] = factor * (rotation[0, k] * turn[0] + rotation[1, k] * turn[1] + rotation[2, k] * turn[2])
+        if np.abs(error).max() < tolerance and cosine > 0.0:
+            return True, q
+        rows[:3] = jacobian[:3]
+        for i in range(7):
+            for k in range(2):
+                rows[3 + k, i] = rotation[0, k] * jacobian[3, i] + rotation[1, k] * jacobian[4, i] + rotation[2, k] * jacobian[5, i]
+        square = rows @ rows.T
+        for k in range(5):
+            square[k, k] += 1e-12
+        q += rows.T @ np.linalg.solve(square, error)
+    return False, q
+
+
+def reach(
+    model: ArmModel,
+    racket: RacketState,
+    seed: Array,
+    params: ReachParams | None = None,
+    *,
+    method: Literal["best", "near", "liu"] = "best",
+) -> Reach:
+    """The posture and joint speeds that put the face centre, its normal and its velocity where `racket` wants them.
+
+    seed: (7,) rad, from where the arm will come. method: "best" searches both freedoms; "near" takes the posture that Newton's method finds
+    from the seed, with the least joint speeds; "liu" is (4.62)-(4.65) as printed. Raises BadShape, NotFinite.
+    """
+    params = params or ReachParams()
+    seed = check_array("seed", seed, (7,)).copy()
+    position, velocity, rotation = racket.position.copy(), racket.velocity.copy(), racket.rotation
+    speed = model.speed_limits
+    if method == "best":
+        limits = np.column_stack([model.position_limits, speed])
+        weights = np.array([params.swing_time, params.acceleration, params.affordable, params.turning_weight, params.margin])
+        cost, q, qdot = search(position, rotation, velocity, seed, limits, weights, params.grid, model.chain)
+        if math.isinf(cost):
+            return Reach(seed, np.zeros(7), math.inf, 0.0, "out of reach")
+    else:
+        found, q = newton(position, rotation[:, 2].copy(), seed, model.chain, 50, 1e-9)
+        if not found:
+            return Reach(seed, np.zeros(7), math.inf, 0.0, "Newton's method did not converge")
+        qdot = allocate(model, q, velocity, method="liu" if method == "liu" else "least")
+    ratio = float(np.max(np.abs(qdot) / speed))
+    rate = model.jacobian(q)[3:] @ qdot
+    turning = float(np.linalg.norm(np.cross(rate, rotation[:, 2])))
+    reason = None
+    outside = np.maximum(model.position_limits[:, 0] - q, q - model.position_limits[:, 1])
+    if outside.max() > 0.0:
+        reason = f"joint {model.names[int(outside.argmax())]} would be {outside.max():.3f} rad beyond its limit"
+    elif ratio > 1.0:
+        reason = f"needs {ratio:.2f} of the joint speed limits"
+    return Reach(q, qdot, ratio, turning, reason)
