@@ -98,32 +98,31 @@ class Camera:
 
 
 @njit(cache=True, nogil=True)
-def distort(x: float, y: float, k: Array) -> tuple[float, float]:
-    """x, y: X/Z and Y/Z in the camera's frame. k: (5,). The polynomial model of OpenCV."""
+def distort(x: float, y: float, k1: float, k2: float, p1: float, p2: float, k3: float) -> tuple[float, float]:
+    """x, y: X/Z and Y/Z in the camera's frame. The polynomial model of OpenCV."""
     r2 = x * x + y * y
-    radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     return (
-        x * radial + 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x),
-        y * radial + k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y,
+        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+        y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
     )
 
 
 @njit(cache=True, nogil=True)
 def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, float]:
     """camera: Camera.vector. x, y, z: m in the camera's frame. Not validated."""
-    a, b = distort(x / z, y / z, camera[15:20])
+    a, b = distort(x / z, y / z, camera[15], camera[16], camera[17], camera[18], camera[19])
     return camera[12] * a + camera[13], camera[12] * b + camera[14]
 
 
 @njit(cache=True, nogil=True)
 def ray(camera: Array, u: float, v: float) -> tuple[float, float]:
     """camera: Camera.vector. u, v: pixel. Returns X/Z and Y/Z in the camera's frame. Not validated."""
-    k = camera[15:20]
     x0, y0 = (u - camera[13]) / camera[12], (v - camera[14]) / camera[12]
     x, y = x0, y0
-    if k[0] != 0.0 or k[1] != 0.0 or k[2] != 0.0 or k[3] != 0.0 or k[4] != 0.0:
+    if camera[15] != 0.0 or camera[16] != 0.0 or camera[17] != 0.0 or camera[18] != 0.0 or camera[19] != 0.0:
         for _ in range(UNDISTORT_STEPS):
-            a, b = distort(x, y, k)
+            a, b = distort(x, y, camera[15], camera[16], camera[17], camera[18], camera[19])
             x, y = x + x0 - a, y + y0 - b
     return x, y
 

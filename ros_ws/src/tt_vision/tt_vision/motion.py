@@ -110,57 +110,94 @@ def _outlines(
 
 
 @njit(cache=True, nogil=True)
-def residuals(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, Array, Array]:
+def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, Array, Array]:
     """points: (n, 5) camera, frame, pixel, weight. state: (6 + cameras,) position, velocity at tau = 0, edge shift of each camera.
 
-    Returns (n,) pixels from the outline, outwards; (n, 6 + cameras) its derivative; (n, 2) direction outwards. Not validated.
+    Returns (n,) pixels from the expected outline, outwards; (n, 6) its derivative by position and velocity (by the camera's own edge shift
+    it is -1); (n, 2) the direction outwards in the image. Not validated.
     """
-    n, cameras = len(points), len(vectors)
-    r, j, outwards = np.empty(n), np.zeros((n, 6 + cameras)), np.empty((n, 2))
+    n = len(points)
+    r, j, outwards = np.empty(n), np.empty((n, 6)), np.empty((n, 2))
+    px = py = pz = limb = factor = distance = 0.0
+    last_c, last_k = -1, -1
     for i in range(n):
         c, k = int(points[i, 0]), int(points[i, 1])
         camera, t = vectors[c], tau[k]
-        f = camera[12]
-        x, y = ray(camera, points[i, 2], points[i, 3])
-        d = np.array([x, y, 1.0]) / math.sqrt(x * x + y * y + 1.0)
-        rotation = camera[:9].copy().reshape(3, 3)
-        at = rotation @ (state[:3] + t * state[3:6] + 0.5 * t * t * gravity) + camera[9:12]
-        distance = math.sqrt(at @ at)
-        towards = at / distance
-        across = d - (d @ towards) * towards
-        sine = max(1e-12, math.sqrt(across @ across))
-        across /= sine
-        r[i] = f * (math.atan2(sine, d @ towards) - math.asin(BALL_RADIUS / distance)) - state[6 + c]
-        gradient = f / distance * (-across + BALL_RADIUS / math.sqrt(distance**2 - BALL_RADIUS**2) * towards)
-        in_table = rotation.T @ gradient
-        j[i, :3], j[i, 3:6], j[i, 6 + c] = in_table, t * in_table, -1.0
-        length = max(1e-12, math.sqrt(across[0] ** 2 + across[1] ** 2))
-        outwards[i, 0], outwards[i, 1] = across[0] / length, across[1] / length
+        if c != last_c or k != last_k:
+            last_c, last_k = c, k
+            bx = state[0] + t * (state[3] + 0.5 * t * gravity[0])
+            by = state[1] + t * (state[4] + 0.5 * t * gravity[1])
+            bz = state[2] + t * (state[5] + 0.5 * t * gravity[2])
+            px = camera[0] * bx + camera[1] * by + camera[2] * bz + camera[9]
+            py = camera[3] * bx + camera[4] * by + camera[5] * bz + camera[10]
+            pz = camera[6] * bx + camera[7] * by + camera[8] * bz + camera[11]
+            distance = math.sqrt(px * px + py * py + pz * pz)
+            px, py, pz = px / distance, py / distance, pz / distance
+            limb = math.asin(BALL_RADIUS / distance)
+            factor = BALL_RADIUS / math.sqrt(distance * distance - BALL_RADIUS * BALL_RADIUS)
+        dx, dy = ray(camera, points[i, 2], points[i, 3])
+        scale = 1.0 / math.sqrt(dx * dx + dy * dy + 1.0)
+        dx, dy, dz = dx * scale, dy * scale, scale
+        cosine = dx * px + dy * py + dz * pz
+        ax, ay, az = dx - cosine * px, dy - cosine * py, dz - cosine * pz
+        sine = max(1e-12, math.sqrt(ax * ax + ay * ay + az * az))
+        ax, ay, az = ax / sine, ay / sine, az / sine
+        r[i] = camera[12] * (math.atan2(sine, cosine) - limb) - state[6 + c]
+        f = camera[12] / distance
+        gx, gy, gz = f * (factor * px - ax), f * (factor * py - ay), f * (factor * pz - az)
+        for a in range(3):
+            j[i, a] = camera[a] * gx + camera[3 + a] * gy + camera[6 + a] * gz
+            j[i, 3 + a] = t * j[i, a]
+        length = max(1e-12, math.sqrt(ax * ax + ay * ay))
+        outwards[i, 0], outwards[i, 1] = ax / length, ay / length
     return r, j, outwards
 
 
 @njit(cache=True, nogil=True)
 def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, float, Array]:
     """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance and each camera's offset."""
-    size = len(state)
-    prior = np.zeros(size)
-    prior[6:] = 1.0 / EDGE_PRIOR**2
+    size, n = len(state), len(points)
     scale = 3.0
+    w = np.empty(n)
+    h, g, row = np.empty((size, size)), np.empty(size), np.empty(7)
+    row[6] = -1.0
     for step in range(12):
-        r, j, outwards = residuals(points, vectors, tau, gravity, state)
+        r, j, outwards = distances(points, vectors, tau, gravity, state)
         scale = max(0.08, min(scale, 1.48 * np.median(np.abs(r))))
-        w = points[:, 4] * np.maximum(0.0, 1.0 - (r / (4.7 * scale)) ** 2) ** 2
-        jw = j * w.reshape(-1, 1) / scale**2
-        h = jw.T @ j + np.diag(prior)
-        delta = np.linalg.solve(h, jw.T @ r + prior * state)
+        h[:], g[:] = 0.0, 0.0
+        for c in range(6, size):
+            h[c, c], g[c] = 1.0 / EDGE_PRIOR**2, state[c] / EDGE_PRIOR**2
+        for i in range(n):
+            out = r[i] / (4.7 * scale)
+            w[i] = points[i, 4] * max(0.0, 1.0 - out * out) ** 2
+            if w[i] == 0.0:
+                continue
+            row[:6] = j[i]
+            mine = 6 + int(points[i, 0])
+            force = w[i] / (scale * scale)
+            for a in range(7):
+                p = a if a < 6 else mine
+                g[p] += force * row[a] * r[i]
+                for b in range(7):
+                    h[p, b if b < 6 else mine] += force * row[a] * row[b]
+        delta = np.linalg.solve(h, g)
         state -= delta
-        if step > 2 and np.abs(delta[:3]).max() < 1e-7 and np.abs(delta[3:6]).max() < 1e-5:
+        if step > 2 and np.abs(delta[:3]).max() < 1e-6 and np.abs(delta[3:6]).max() < 1e-4:
             break
     rms = math.sqrt((w * r * r).sum() / max(w.sum(), 1e-12))
-    offsets = np.zeros((len(vectors), 2))
-    for c in range(len(vectors)):
-        mine = points[:, 0] == c
-        b = outwards[mine]
-        bw = b * w[mine].reshape(-1, 1)
-        offsets[c] = np.linalg.solve(bw.T @ b + 1e-6 * np.eye(2), bw.T @ r[mine])
+    cameras = len(vectors)
+    m, b2 = np.zeros((cameras, 3)), np.zeros((cameras, 2))
+    for i in range(n):
+        c = int(points[i, 0])
+        x, y = outwards[i]
+        m[c, 0] += w[i] * x * x
+        m[c, 1] += w[i] * x * y
+        m[c, 2] += w[i] * y * y
+        b2[c, 0] += w[i] * x * r[i]
+        b2[c, 1] += w[i] * y * r[i]
+    offsets = np.zeros((cameras, 2))
+    for c in range(cameras):
+        det = m[c, 0] * m[c, 2] - m[c, 1] ** 2 + 1e-9
+        offsets[c, 0] = (m[c, 2] * b2[c, 0] - m[c, 1] * b2[c, 1]) / det
+        offsets[c, 1] = (m[c, 0] * b2[c, 1] - m[c, 1] * b2[c, 0]) / det
     return np.linalg.inv(h), rms, offsets

@@ -16,8 +16,8 @@ from numba import njit
 from tt_core.constants import BALL_RADIUS
 from tt_core.states import Array
 
-from .camera import project_point
-from .surface import Surface
+from .camera import distort
+from .surface import LIMB, Surface
 
 CELLS = 900  # of the coarse maps, 0.12 rad apart
 WIDEST = 1.15  # rad between two frames that the search covers: 9,900 rpm at 900 frames a second
@@ -25,6 +25,8 @@ STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 8,700 of the
 KEPT = 8  # candidates that are refined
 APART = 0.2  # rad between kept candidates
 COARSE_POINTS, FINE_POINTS = 500, 2500  # points on the sphere in the refinements
+SETTLED = 0.05  # rad/s, last step of the refinement
+LEAST_OVERLAP = 0.05  # of the sphere seen in both frames of a pair
 GATE = 0.15  # residual above which a registration is not believed
 
 
@@ -44,25 +46,14 @@ def register(surface: Surface) -> Registration:
     gaps = np.diff(surface.times)
     gap = float(gaps.min())
     pairs = np.flatnonzero(gaps < 1.5 * gap)  # a lost frame leaves a longer gap
-    values, weights = _maps(
-        surface.marks,
-        surface.weights,
-        surface.corners,
-        surface.centres,
-        surface.camera,
-        surface.frame,
-        surface.vectors,
-        _cells(),
-        _cube(),
-        len(surface.times),
-    )
+    values, weights = _maps(surface.marks, surface.weights, surface.views, surface.frame, _cells(), _cube(), len(surface.times))
     best = None
     for step in (STEP, DENSE_STEP):
         rotations, table = _candidates(step)
         scores = _search(values, weights, pairs, table, surface.contrast)
         found = _refine(surface, pairs, gap, rotations, scores)
         if best is None or found.residual < best.residual:
-            best = Registration(found.spin, found.information, found.residual, len(rotations))
+            best = found
         if best.residual < GATE:
             break
     return best
@@ -75,35 +66,35 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
             chosen.append(rotations[i])
         if len(chosen) == KEPT:
             break
-    points = _fibonacci(COARSE_POINTS)
+    points, fine = _fibonacci(COARSE_POINTS), _fibonacci(FINE_POINTS)
     s = surface
-    common = (s.weights, s.corners, s.centres, s.camera, s.frame, s.vectors, s.times)
+    where = (s.weights, s.views, s.frame)
+    before = firsts(points, pairs, s.soft, *where)
     trials = []
     for rotation in chosen:
         spin = rotation / gap
         for _ in range(4):
-            cost, weight, h, g = _pairs(spin, points, pairs, s.soft, *common, s.contrast)
-            if weight <= 0.0:
-                break
-            spin = spin - _limited(np.linalg.solve(h + 1e-9 * np.trace(h) * np.eye(3) + 1e-12 * np.eye(3), g), 0.1 / gap)
+            cost, _, h, g = compare_pairs(spin, points, before, pairs, s.soft, *where, s.times, s.contrast)
+            spin = spin - _step(h, g, 0.1 / gap)
         trials.append((cost, spin))
-    trials.sort(key=lambda trial: trial[0])
-    spin = trials[0][1]
-    fine = _fibonacci(FINE_POINTS)
-    for i in range(5):
-        h, g, error, weight = _all(spin, fine, s.soft if i == 0 else s.marks, *common)
-        change = np.linalg.solve(h + 1e-12 * np.eye(3), g)
-        spin = spin - _limited(change, 0.05 / gap)
-        if i > 1 and np.linalg.norm(change) < 0.01:
+    spin = min(trials, key=lambda trial: trial[0])[1]
+    for i in range(6):
+        h, g, error, _ = compare_all(spin, fine, s.soft if i == 0 else s.marks, *where, s.times)
+        change = _step(h, g, 0.05 / gap)
+        spin = spin - change
+        if i > 0 and np.linalg.norm(change) < SETTLED:
             break
-    cost, weight, _, _ = _pairs(spin, fine, pairs, s.marks, *common, 0.0)
-    residual = cost / max(2.0 * s.contrast * weight, 1e-12) if weight > 0.02 * FINE_POINTS * len(pairs) else 1.0
-    return Registration(spin, h / max(error, 1e-12), residual, 0)
+    before = firsts(fine, pairs, s.marks, *where)
+    cost, weight, _, _ = compare_pairs(spin, fine, before, pairs, s.marks, *where, s.times, 0.0)
+    enough = weight > LEAST_OVERLAP * len(fine) * len(pairs)
+    residual = cost / (2.0 * s.contrast * weight) if enough else 1.0
+    return Registration(spin, h / max(error, 1e-12), residual, len(rotations))
 
 
-def _limited(v: Array, most: float) -> Array:
-    length = float(np.linalg.norm(v))
-    return v if length <= most else v * (most / length)
+def _step(h: Array, g: Array, most: float) -> Array:
+    """The Gauss-Newton step, at most `most` long."""
+    step = np.linalg.solve(h + (1e-9 * np.trace(h) + 1e-30) * np.eye(3), g)
+    return step * min(1.0, most / max(float(np.linalg.norm(step)), 1e-12))
 
 
 @functools.cache
@@ -211,39 +202,29 @@ def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _maps(
-    marks: np.ndarray,
-    weights: np.ndarray,
-    corners: Array,
-    centres: Array,
-    camera_of: np.ndarray,
-    frame_of: np.ndarray,
-    vectors: Array,
-    cells: Array,
-    cube: np.ndarray,
-    frames: int,
+    marks: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray, cells: Array, cube: np.ndarray, frames: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(CELLS, frames) float32 mean of the marks in each cell, both cameras together, and its weight, at most 1."""
+    """(CELLS, frames) float32 mean of the marks in each cell, both cameras together, and its weight, at most 1. Every second pixel."""
     total, mass = np.zeros((len(cells), frames)), np.zeros((len(cells), frames))
     size = marks.shape[1]
     for m in range(len(marks)):
-        camera = vectors[camera_of[m]]
-        cx, cy, cz = centres[m]
-        scale = BALL_RADIUS * camera[12] / cz
-        u0, v0 = project_point(camera, cx, cy, cz)
+        sx, sy = views[m, 9] / views[m, 11], views[m, 10] / views[m, 11]
+        scale = BALL_RADIUS * views[m, 12] / views[m, 11]
+        u0, v0 = views[m, 12] * sx + views[m, 13], views[m, 12] * sy + views[m, 14]
         for j in range(m % 2, size, 2):
             for i in range(m % 2, size, 2):
                 w = weights[m, j, i]
                 if w <= 0.0:
                     continue
-                a, b = (corners[m, 0] + i - u0) / scale, (corners[m, 1] + j - v0) / scale
-                towards = -math.sqrt(max(0.0, 1.0 - a * a - b * b))
-                # the line of sight is not the optical axis: turn by the small angle between them
-                a, b, towards = a + cx / cz * towards, b + cy / cz * towards, towards - cx / cz * a - cy / cz * b
+                # the ball as a disc, turned by the small angle between its line of sight and the optical axis
+                a, b = (i - u0) / scale, (j - v0) / scale
+                c = -math.sqrt(max(0.0, 1.0 - a * a - b * b))
+                a, b, c = a + sx * c, b + sy * c, c - sx * a - sy * b
                 cell = _lookup(
                     cube,
-                    camera[0] * a + camera[3] * b + camera[6] * towards,
-                    camera[1] * a + camera[4] * b + camera[7] * towards,
-                    camera[2] * a + camera[5] * b + camera[8] * towards,
+                    views[m, 0] * a + views[m, 3] * b + views[m, 6] * c,
+                    views[m, 1] * a + views[m, 4] * b + views[m, 7] * c,
+                    views[m, 2] * a + views[m, 5] * b + views[m, 8] * c,
                 )
                 total[cell, frame_of[m]] += w * marks[m, j, i]
                 mass[cell, frame_of[m]] += w
@@ -268,118 +249,128 @@ def _search(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: n
     for c in range(len(table)):
         score = np.float32(0.0)
         for i in used:
-            l = table[c, i]
+            to = table[c, i]
             for k in range(n):
-                d = before[i, k] - after[l, k]
-                score += w_before[i, k] * w_after[l, k] * (d * d - unrelated)
+                d = before[i, k] - after[to, k]
+                score += w_before[i, k] * w_after[to, k] * (d * d - unrelated)
         scores[c] = score
     return scores
 
 
 @njit(cache=True, nogil=True)
-def _sample(
-    image: np.ndarray,
-    weight: np.ndarray,
-    corner: Array,
-    centre: Array,
-    camera: Array,
-    n: Array,
-    out: Array,
-) -> bool:
-    """out (5,): value, weight and gradient with respect to the normal n (3,) in `table`. False where the point is not seen."""
-    nx = camera[0] * n[0] + camera[1] * n[1] + camera[2] * n[2]
-    ny = camera[3] * n[0] + camera[4] * n[1] + camera[5] * n[2]
-    nz = camera[6] * n[0] + camera[7] * n[1] + camera[8] * n[2]
-    x, y, z = centre[0] + BALL_RADIUS * nx, centre[1] + BALL_RADIUS * ny, centre[2] + BALL_RADIUS * nz
-    if nx * x + ny * y + nz * z > -0.2 * z:
+def _facing(views: Array, m: int, x: float, y: float, z: float) -> float:
+    """Cosine between the normal (x, y, z) in `table` and the way to the camera of image m."""
+    return views[m, 20] * x + views[m, 21] * y + views[m, 22] * z
+
+
+@njit(cache=True, nogil=True)
+def _sample(images: np.ndarray, weights: np.ndarray, views: Array, m: int, x: float, y: float, z: float, out: Array) -> bool:
+    """out (5,): value, weight and gradient with respect to the normal (x, y, z) in `table`. False where image m does not show it."""
+    if _facing(views, m, x, y, z) < LIMB:
         return False
-    u, v = project_point(camera, x, y, z)
-    u, v = u - corner[0], v - corner[1]
+    px = views[m, 9] + BALL_RADIUS * (views[m, 0] * x + views[m, 1] * y + views[m, 2] * z)
+    py = views[m, 10] + BALL_RADIUS * (views[m, 3] * x + views[m, 4] * y + views[m, 5] * z)
+    pz = views[m, 11] + BALL_RADIUS * (views[m, 6] * x + views[m, 7] * y + views[m, 8] * z)
+    u, v = distort(px / pz, py / pz, views[m, 15], views[m, 16], views[m, 17], views[m, 18], views[m, 19])
+    u, v = views[m, 12] * u + views[m, 13], views[m, 12] * v + views[m, 14]
     i, j = int(u), int(v)
-    if i < 1 or j < 1 or i >= image.shape[1] - 2 or j >= image.shape[0] - 2:
+    if i < 1 or j < 1 or i >= images.shape[2] - 2 or j >= images.shape[1] - 2:
         return False
     a, b = np.float32(u - i), np.float32(v - j)
-    w = (1 - b) * ((1 - a) * weight[j, i] + a * weight[j, i + 1]) + b * ((1 - a) * weight[j + 1, i] + a * weight[j + 1, i + 1])
-    if w <= 0.02:
+    one = np.float32(1.0)
+    q00, q10, q01, q11 = (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
+    w = q00 * weights[m, j, i] + q10 * weights[m, j, i + 1] + q01 * weights[m, j + 1, i] + q11 * weights[m, j + 1, i + 1]
+    if w <= np.float32(0.02):
         return False
-    out[0] = (1 - b) * ((1 - a) * image[j, i] + a * image[j, i + 1]) + b * ((1 - a) * image[j + 1, i] + a * image[j + 1, i + 1])
+    i00, i10, i01, i11 = images[m, j, i], images[m, j, i + 1], images[m, j + 1, i], images[m, j + 1, i + 1]
+    out[0] = q00 * i00 + q10 * i10 + q01 * i01 + q11 * i11
     out[1] = w
     # central differences, interpolated like the value: smooth from pixel to pixel
-    gu = (1 - b) * ((1 - a) * (image[j, i + 1] - image[j, i - 1]) + a * (image[j, i + 2] - image[j, i])) + b * (
-        (1 - a) * (image[j + 1, i + 1] - image[j + 1, i - 1]) + a * (image[j + 1, i + 2] - image[j + 1, i])
+    gu = (
+        q00 * (i10 - images[m, j, i - 1])
+        + q10 * (images[m, j, i + 2] - i00)
+        + q01 * (i11 - images[m, j + 1, i - 1])
+        + q11 * (images[m, j + 1, i + 2] - i01)
     )
-    gv = (1 - b) * ((1 - a) * (image[j + 1, i] - image[j - 1, i]) + a * (image[j + 1, i + 1] - image[j - 1, i + 1])) + b * (
-        (1 - a) * (image[j + 2, i] - image[j, i]) + a * (image[j + 2, i + 1] - image[j, i + 1])
+    gv = (
+        q00 * (i01 - images[m, j - 1, i])
+        + q10 * (i11 - images[m, j - 1, i + 1])
+        + q01 * (images[m, j + 2, i] - i00)
+        + q11 * (images[m, j + 2, i + 1] - i10)
     )
-    scale = 0.5 * camera[12] * BALL_RADIUS / z
+    scale = 0.5 * views[m, 12] * BALL_RADIUS / pz
     gx, gy = scale * gu, scale * gv
-    gz = -(gx * x + gy * y) / z
-    out[2] = camera[0] * gx + camera[3] * gy + camera[6] * gz
-    out[3] = camera[1] * gx + camera[4] * gy + camera[7] * gz
-    out[4] = camera[2] * gx + camera[5] * gy + camera[8] * gz
+    gz = -(gx * px + gy * py) / pz
+    out[2] = views[m, 0] * gx + views[m, 3] * gy + views[m, 6] * gz
+    out[3] = views[m, 1] * gx + views[m, 4] * gy + views[m, 7] * gz
+    out[4] = views[m, 2] * gx + views[m, 5] * gy + views[m, 8] * gz
     return True
 
 
 @njit(cache=True, nogil=True)
 def _best(
-    frame: int,
-    n: Array,
-    images: np.ndarray,
-    weights: np.ndarray,
-    corners: Array,
-    centres: Array,
-    camera_of: np.ndarray,
-    frame_of: np.ndarray,
-    vectors: Array,
-    trial: Array,
-    out: Array,
+    frame: int, x: float, y: float, z: float, images: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray, out: Array
 ) -> bool:
     """The sample of the camera that sees the point best in `frame`."""
-    out[1] = 0.0
+    best, cosine = -1, LIMB
     for m in range(len(images)):
-        if (
-            frame_of[m] == frame
-            and _sample(images[m], weights[m], corners[m], centres[m], vectors[camera_of[m]], n, trial)
-            and trial[1] > out[1]
-        ):
-            out[:] = trial
-    return out[1] > 0.0
+        if frame_of[m] == frame:
+            facing = _facing(views, m, x, y, z)
+            if facing > cosine:
+                best, cosine = m, facing
+    return best >= 0 and _sample(images, weights, views, best, x, y, z, out)
 
 
 @njit(cache=True, nogil=True)
-def _pairs(
+def firsts(points: Array, pairs: np.ndarray, images: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray) -> Array:
+    """(pairs, points, 2) value and weight of each point in the first frame of each pair; weight 0 where it is not seen."""
+    out, sample = np.zeros((len(pairs), len(points), 2)), np.empty(5)
+    for p in range(len(pairs)):
+        for q in range(len(points)):
+            if _best(pairs[p], points[q, 0], points[q, 1], points[q, 2], images, weights, views, frame_of, sample):
+                out[p, q, 0], out[p, q, 1] = sample[0], sample[1]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def compare_pairs(
     spin: Array,
     points: Array,
+    before: Array,
     pairs: np.ndarray,
     images: np.ndarray,
     weights: np.ndarray,
-    corners: Array,
-    centres: Array,
-    camera_of: np.ndarray,
+    views: Array,
     frame_of: np.ndarray,
-    vectors: Array,
     times: Array,
     contrast: float,
 ) -> tuple[float, float, Array, Array]:
-    """Neighbouring frames compared: cost sum w (d^2 - 2 contrast), sum w, and the normal equations of d with respect to the spin."""
+    """Neighbouring frames compared: cost sum w (d^2 - 2 contrast), sum w, and the normal equations of d with respect to the spin.
+
+    points: (n, 3) unit vectors in `table` at the first frame of a pair. before: `firsts` of them.
+    """
     cost, total, h, g = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3)
-    first, second, trial, row = np.empty(5), np.empty(5), np.empty(5), np.empty(3)
-    for k in pairs:
+    sample, row = np.empty(5), np.empty(3)
+    for p in range(len(pairs)):
+        k = pairs[p]
         dt = times[k + 1] - times[k]
         turn, left = rotation_matrix(spin * dt), left_jacobian(spin * dt)
-        for q in points:
-            if not _best(k, q, images, weights, corners, centres, camera_of, frame_of, vectors, trial, first):
+        for q in range(len(points)):
+            if before[p, q, 1] <= 0.0:
                 continue
-            n = turn @ q
-            if not _best(k + 1, n, images, weights, corners, centres, camera_of, frame_of, vectors, trial, second):
-                continue
-            d = second[0] - first[0]
-            w = first[1] * second[1]
-            cross = np.array(
-                [n[1] * second[4] - n[2] * second[3], n[2] * second[2] - n[0] * second[4], n[0] * second[3] - n[1] * second[2]]
+            x, y, z = points[q, 0], points[q, 1], points[q, 2]
+            x, y, z = (
+                turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
+                turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
+                turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
             )
+            if not _best(k + 1, x, y, z, images, weights, views, frame_of, sample):
+                continue
+            d = sample[0] - before[p, q, 0]
+            w = sample[1] * before[p, q, 1]
+            c0, c1, c2 = y * sample[4] - z * sample[3], z * sample[2] - x * sample[4], x * sample[3] - y * sample[2]
             for a in range(3):
-                row[a] = dt * (left[0, a] * cross[0] + left[1, a] * cross[1] + left[2, a] * cross[2])
+                row[a] = dt * (left[0, a] * c0 + left[1, a] * c1 + left[2, a] * c2)
             cost += w * (d * d - 2.0 * contrast)
             total += w
             for a in range(3):
@@ -390,40 +381,33 @@ def _pairs(
 
 
 @njit(cache=True, nogil=True)
-def _all(
-    spin: Array,
-    points: Array,
-    images: np.ndarray,
-    weights: np.ndarray,
-    corners: Array,
-    centres: Array,
-    camera_of: np.ndarray,
-    frame_of: np.ndarray,
-    vectors: Array,
-    times: Array,
+def compare_all(
+    spin: Array, points: Array, images: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray, times: Array
 ) -> tuple[Array, Array, float, float]:
     """All images compared with the marks that fit them best, point by point on the ball: normal equations with respect to the spin, the
-    marks eliminated (variable projection), mean squared error and weight."""
+    marks eliminated (variable projection), mean squared error and weight.
+
+    points: (n, 3) unit vectors on the ball as it is turned at time 0.
+    """
     count = len(images)
     turns, lefts = np.empty((count, 3, 3)), np.empty((count, 3, 3))
     for m in range(count):
         t = times[frame_of[m]]
         turns[m], lefts[m] = rotation_matrix(spin * t), t * left_jacobian(spin * t)
     h, g, error, total = np.zeros((3, 3)), np.zeros(3), 0.0, 0.0
-    values, mass, rows, sample, n = np.empty(count), np.empty(count), np.empty((count, 3)), np.empty(5), np.empty(3)
-    for q in points:
-        sw, sv, seen = 0.0, 0.0, 0
-        s0, s1, s2 = 0.0, 0.0, 0.0
+    values, mass, rows, sample = np.empty(count), np.empty(count), np.empty((count, 3)), np.empty(5)
+    for i in range(len(points)):
+        p, q, s = points[i, 0], points[i, 1], points[i, 2]
+        seen, sw, sv, s0, s1, s2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
         for m in range(count):
-            r = turns[m]
-            for a in range(3):
-                n[a] = r[a, 0] * q[0] + r[a, 1] * q[1] + r[a, 2] * q[2]
-            if not _sample(images[m], weights[m], corners[m], centres[m], vectors[camera_of[m]], n, sample):
+            x = turns[m, 0, 0] * p + turns[m, 0, 1] * q + turns[m, 0, 2] * s
+            y = turns[m, 1, 0] * p + turns[m, 1, 1] * q + turns[m, 1, 2] * s
+            z = turns[m, 2, 0] * p + turns[m, 2, 1] * q + turns[m, 2, 2] * s
+            if not _sample(images, weights, views, m, x, y, z, sample):
                 continue
-            c0, c1, c2 = n[1] * sample[4] - n[2] * sample[3], n[2] * sample[2] - n[0] * sample[4], n[0] * sample[3] - n[1] * sample[2]
-            left = lefts[m]
+            c0, c1, c2 = y * sample[4] - z * sample[3], z * sample[2] - x * sample[4], x * sample[3] - y * sample[2]
             for a in range(3):
-                rows[seen, a] = left[0, a] * c0 + left[1, a] * c1 + left[2, a] * c2
+                rows[seen, a] = lefts[m, 0, a] * c0 + lefts[m, 1, a] * c1 + lefts[m, 2, a] * c2
             values[seen], mass[seen] = sample[0], sample[1]
             sw += sample[1]
             sv += sample[1] * sample[0]
@@ -433,9 +417,9 @@ def _all(
             seen += 1
         if seen < 2:
             continue
-        for i in range(seen):
-            e, w = values[i] - sv / sw, mass[i]
-            j0, j1, j2 = rows[i, 0] - s0 / sw, rows[i, 1] - s1 / sw, rows[i, 2] - s2 / sw
+        for m in range(seen):
+            e, w = values[m] - sv / sw, mass[m]
+            j0, j1, j2 = rows[m, 0] - s0 / sw, rows[m, 1] - s1 / sw, rows[m, 2] - s2 / sw
             g[0] += w * j0 * e
             g[1] += w * j1 * e
             g[2] += w * j2 * e

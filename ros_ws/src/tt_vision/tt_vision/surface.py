@@ -21,6 +21,7 @@ WHITE = 0.85  # of the fitted light: darker pixels are marks
 DIM = 0.15  # of the brightest light: below it marks drown in noise
 BORDER = 4  # pixels around the ball that are cut out with it
 HARMONICS = 9  # spherical harmonics up to second order hold all but 1 % of diffuse light on a sphere (Ramamoorthi, Hanrahan 2001)
+SOFT = 2.0  # pixels, sigma of the blur for the coarse search
 DULL = 0.02  # variance of the marks, relative to white, below which the ball is taken as bare; 13 % of marks give 0.08
 
 
@@ -29,19 +30,16 @@ class Surface:
     """The ball's surface in every image of a burst, light divided out: white is 1, marks near 0.
 
     marks, soft: (images, n, n) float32, cut out around the ball; `soft` is blurred, for coarse search. weights: (images, n, n), 0 where
-    nothing is known. corners: (images, 2) pixel of each cut's first element. centres: (images, 3) m, ball in its camera's frame, aligned
-    to its outline. camera, frame: (images,) which. vectors: (cameras, 20). times: (frames,) s from the middle of the burst.
-    contrast: variance of the marks.
+    nothing is known. views: (images, 23), as Camera.vector but with the ball's centre, aligned to its outline, in place of the translation
+    and the principal point counted from the cut's corner; then the unit vector from ball to camera in `table`. frame: (images,) which.
+    times: (frames,) s from the middle of the burst. contrast: variance of the marks.
     """
 
     marks: np.ndarray
     soft: np.ndarray
     weights: np.ndarray
-    corners: Array
-    centres: Array
-    camera: np.ndarray
+    views: Array
     frame: np.ndarray
-    vectors: Array
     times: Array
     contrast: float
 
@@ -50,40 +48,38 @@ def unwrap(
     frames: Sequence[Sequence[Image]], backgrounds: Array, positions: Array, offsets: Array, times: Array, cameras: Sequence[Camera]
 ) -> Surface:
     """frames: [camera][frame]. backgrounds: (cameras, frames) grey levels. positions: (frames, 3) m. offsets: (cameras, 2) pixels."""
-    vectors = np.array([camera.vector for camera in cameras])
-    centres, corners, index, cuts, level = [], [], [], [], []
+    views, cuts = [], []
     for c, camera in enumerate(cameras):
-        for k, position in enumerate(positions):
-            at = camera.rotation @ position + camera.translation
-            at[:2] += offsets[c] * at[2] / camera.focal_pixels
-            centres.append(at)
-            index.append((c, k))
-    at = np.array(centres)
-    size = 2 * (math.ceil(max(vectors[c, 12] * BALL_RADIUS / z for (c, _), z in zip(index, at[:, 2], strict=True))) + BORDER) + 1
-    for (c, k), p in zip(index, at, strict=True):
-        u, v = project_point(vectors[c], p[0], p[1], p[2])
-        image = frames[c][k]
-        corner = (round(u) - size // 2, round(v) - size // 2)
-        corners.append(corner)
-        cuts.append(_cut(image, corner, size))
-        level.append(backgrounds[c, k])
-    camera_of, frame_of = np.array(index).T
-    stack, corner_of = np.array(cuts, dtype=np.float32), np.array(corners, dtype=np.float64)
-    stack -= np.array(level, dtype=np.float32)[:, None, None]
-    top = np.float32(stack.max())
-    normals = _normals(stack.shape[1], corner_of, at, camera_of, vectors)
+        at = positions @ camera.rotation.T + camera.translation
+        at[:, :2] += offsets[c] * at[:, 2:] / camera.focal_pixels
+        views += [_view(camera, centre) for centre in at]
+    reach = max(view[12] * BALL_RADIUS / view[11] for view in views)
+    size = 2 * (math.ceil(reach) + BORDER) + 1
+    count = len(positions)
+    for m, view in enumerate(views):
+        corner = [round(x) - size // 2 for x in project_point(view, *view[9:12])]
+        view[13:15] -= corner
+        cuts.append(_cut(frames[m // count][m % count], corner, size) - np.float32(backgrounds[m // count, m % count]))
+    stack, table = np.array(cuts, dtype=np.float32), np.array(views)
+    normals = _normals(size, table)
     light, gains = _fit_light(stack, normals)
-    marks, weights = _divide(stack, normals, light, gains, top)
+    marks, weights = _divide(stack, normals, light, gains, stack.max())
     soft = np.empty_like(marks)
     for m in range(len(marks)):
-        mass = cv2.GaussianBlur(weights[m], (0, 0), 2.0)
-        soft[m] = cv2.GaussianBlur(marks[m] * weights[m], (0, 0), 2.0) / np.maximum(mass, 1e-3)
-    mean = float((marks * weights).sum() / max(weights.sum(), 1e-6))
-    contrast = float((weights * (marks - mean) ** 2).sum() / max(weights.sum(), 1e-6))
-    return Surface(marks, soft, weights, corner_of, at, camera_of, frame_of, vectors, np.asarray(times, dtype=np.float64), contrast)
+        mass = cv2.GaussianBlur(weights[m], (0, 0), SOFT)
+        soft[m] = cv2.GaussianBlur(marks[m] * weights[m], (0, 0), SOFT) / np.maximum(mass, 1e-3)
+    mean = np.average(marks, weights=weights)
+    contrast = float(np.average((marks - mean) ** 2, weights=weights))
+    return Surface(marks, soft, weights, table, np.arange(len(views)) % count, np.asarray(times, dtype=np.float64), contrast)
 
 
-def _cut(image: Image, corner: tuple[int, int], size: int) -> Image:
+def _view(camera: Camera, centre: Array) -> Array:
+    vector = np.append(camera.vector, -(centre @ camera.rotation) / np.linalg.norm(centre))
+    vector[9:12] = centre
+    return vector
+
+
+def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
     """(size, size) of the image, its edge continued outside."""
     u, v = corner
     height, width = image.shape
@@ -93,28 +89,27 @@ def _cut(image: Image, corner: tuple[int, int], size: int) -> Image:
 
 
 @njit(cache=True, nogil=True)
-def _normals(size: int, corners: Array, centres: Array, camera_of: np.ndarray, vectors: Array) -> np.ndarray:
+def _normals(size: int, views: Array) -> np.ndarray:
     """(images, size, size, 4) float32: outward unit normal in `table` and its cosine to the line of sight; cosine 0 off the ball."""
-    out = np.zeros((len(corners), size, size, 4), dtype=np.float32)
-    for m in range(len(corners)):
-        camera = vectors[camera_of[m]]
-        cx, cy, cz = centres[m]
+    out = np.zeros((len(views), size, size, 4), dtype=np.float32)
+    for m in range(len(views)):
+        view = views[m]
+        cx, cy, cz = view[9], view[10], view[11]
         square = cx * cx + cy * cy + cz * cz - BALL_RADIUS**2
         for j in range(size):
             for i in range(size):
-                x, y = ray(camera, corners[m, 0] + i, corners[m, 1] + j)
+                x, y = ray(view, i, j)
                 scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
-                dx, dy, dz = x * scale, y * scale, scale
-                along = dx * cx + dy * cy + dz * cz
+                x, y, z = x * scale, y * scale, scale
+                along = x * cx + y * cy + z * cz
                 gap = along * along - square
                 if gap <= 0.0:
                     continue
                 root = math.sqrt(gap)
                 reach = along - root
-                nx, ny, nz = (reach * dx - cx) / BALL_RADIUS, (reach * dy - cy) / BALL_RADIUS, (reach * dz - cz) / BALL_RADIUS
-                out[m, j, i, 0] = camera[0] * nx + camera[3] * ny + camera[6] * nz
-                out[m, j, i, 1] = camera[1] * nx + camera[4] * ny + camera[7] * nz
-                out[m, j, i, 2] = camera[2] * nx + camera[5] * ny + camera[8] * nz
+                x, y, z = (reach * x - cx) / BALL_RADIUS, (reach * y - cy) / BALL_RADIUS, (reach * z - cz) / BALL_RADIUS
+                for a in range(3):
+                    out[m, j, i, a] = view[a] * x + view[3 + a] * y + view[6 + a] * z
                 out[m, j, i, 3] = root / BALL_RADIUS
     return out
 
