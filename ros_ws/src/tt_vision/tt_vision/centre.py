@@ -18,6 +18,7 @@ DEPTH = 0.25  # threshold between background and brightest part of the ball, rel
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
 SATURATED = 0.2  # part of the ball at full scale from which shading is lost
 LEAST_RADIUS = 8.0  # pixels, of a ball whose marks can be told apart
+BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves by 0.02 pixels when this is off by 0.3
 MARGIN = 3.0  # pixels of background wanted around the ball
 
 
@@ -145,6 +146,8 @@ def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, b
     step = 0.5
     count = int((outer - inner) / step) + 1
     deep = 12  # samples within the edge that tell the brightness at the edge
+    radius = 0.5 * (inner + outer)
+    spread = 0.41 * math.sqrt(2.0 * BLUR / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma BLUR
     profile = np.empty(count + deep)
     height, width = image.shape
     points = np.empty((RAYS, 3))
@@ -161,23 +164,31 @@ def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, b
             first += 1
         if first >= count:
             continue
-        n, sx, sxx, sy, sxy = 0, 0.0, 0.0, 0.0, 0.0
-        for i in range(first + 4, min(first + 11, count + deep)):
-            x = 1.0 * (i - first)
-            n, sx, sxx, sy, sxy = n + 1, sx + x, sxx + x * x, sy + profile[i], sxy + x * profile[i]
-        if n < 3:
+        s, seen = outer - step * first, False
+        for _ in range(2):
+            n, sx, sxx, sy, sxy = 0, 0.0, 0.0, 0.0, 0.0
+            for i in range(max(0, int((outer - s + 1.5) / step) + 1), min(int((outer - s + 6.0) / step), count + deep)):
+                x = math.sqrt(2.0 * (step * i - outer + s) / radius)  # cosine to the line of sight: diffuse light is linear in it
+                n, sx, sxx, sy, sxy = n + 1, sx + x, sxx + x * x, sy + profile[i], sxy + x * profile[i]
+            seen = n >= 4
+            if not seen:
+                break
+            slope = max(0.0, (n * sxy - sx * sy) / (n * sxx - sx * sx))
+            level = (sy - slope * sx) / n
+            if level < 0.0:
+                level, slope = 0.0, sy / sx
+            target = 0.5 * level + spread * slope
+            i = max(1, first - 3)
+            while i < count + deep - 1 and profile[i] < target:
+                i += 1
+            rise = profile[i] - profile[i - 1]
+            seen = rise > 0.0 and i <= first + 5 and level + 0.4 * slope > 0.15 * (peak - background)
+            if not seen:
+                break
+            s = outer - step * (i - (profile[i] - target) / rise)
+        if not seen:
             continue
-        slope = (n * sxy - sx * sy) / (n * sxx - sx * sx)
-        level = (sy - slope * sx) / n
-        if level < 0.15 * (peak - background):
-            continue
-        i = max(1, first - 2)
-        while i < count + deep - 1 and profile[i] < 0.5 * level:
-            i += 1
-        rise = profile[i] - profile[i - 1]
-        if rise <= 0.0 or i > first + 4:
-            continue
-        s = outer - step * (i - (profile[i] - 0.5 * level) / rise)
+        level += 0.4 * slope
         points[found, 0], points[found, 1], points[found, 2] = u + s * du, v + s * dv, min(1.0, level / (0.5 * (peak - background)))
         found += 1
     return points[:found].copy()
