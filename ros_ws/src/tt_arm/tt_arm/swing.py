@@ -1,0 +1,225 @@
+"""When each joint moves: from where it is, through the strike at its instant, slowing down, and back to waiting, as one path.
+
+The loop is that of dissertation Figure 1.9. Each leg takes one time for all joints. A joint follows the fifth degree polynomial where that
+keeps the limits, else the mixed envelopes of `motion`, which reach all that the limits allow.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from tt_core.errors import TtError, check_array, check_range
+from tt_core.states import Array
+
+from .model import ArmModel
+from .motion import evaluate, least_time, possible, quintic, quintic_holds, trapezoid
+from .reach import Reach
+
+PIECES = 14  # per joint: hold, two legs of five at most, rest
+STEP = 1e-3  # s, of the search for the earliest strike and of the last check of the limits
+LONGEST = 10.0  # s, the longest leg that is tried
+PROFILES = ("auto", "quintic", "trapezoid")
+AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joints:
+    """The joints at one instant: time s, q (7,) rad, qdot (7,) rad/s."""
+
+    time: float
+    q: Array
+    qdot: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", check_range("time", self.time, -math.inf, math.inf))
+        for name in ("q", "qdot"):
+            object.__setattr__(self, name, check_array(name, getattr(self, name), (7,)))
+
+
+@dataclass(frozen=True, slots=True)
+class SwingLimits:
+    """What a swing may use; position and speed limits are the model's."""
+
+    acceleration: float = 20.0  # rad/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
+    speed_share: float = 1.0  # of the speed limits, Table A.12
+    unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
+    unhurried_return: float = 1.6  # and so does the way back
+    profile: str = "auto"  # of a joint: quintic, trapezoid, or auto: the quintic where it keeps the limits
+
+    def __post_init__(self) -> None:
+        check_range("acceleration", self.acceleration, 0.1, 1000.0)
+        check_range("speed_share", self.speed_share, 0.01, 1.0)
+        check_range("unhurried", self.unhurried, 1.0, 10.0)
+        check_range("unhurried_return", self.unhurried_return, 1.0, 10.0)
+        if self.profile not in PROFILES:
+            raise TtError(f"profile = {self.profile!r} is none of {', '.join(PROFILES)}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swing:
+    """A path of all joints over time.
+
+    start: where it begins. strike_time, end_time: s; it rests from end_time on. earliest: s, from when on the strike would have been possible
+    (inf if never). reason: None, or why there is no strike: then the path only brakes and returns to waiting, and strike_time is inf.
+    """
+
+    start: Joints
+    strike_time: float
+    end_time: float
+    earliest: float
+    reason: str | None
+    knots: Array = field(repr=False)  # (7, n) s since start.time, padded with inf
+    coefficients: Array = field(repr=False)  # (7, n, 6) in s since the knot, lowest power first
+
+    def sample(self, time: float) -> tuple[Array, Array]:
+        """q (7,) rad and qdot (7,) rad/s at `time` (s); the start before it, rest after the end."""
+        q, qdot, qddot = np.empty(7), np.empty(7), np.empty(7)
+        evaluate(time - self.start.time, self.knots, self.coefficients, q, qdot, qddot)
+        return q, qdot
+
+    def table(self, step: float) -> tuple[Array, Array, Array]:
+        """times (n,) s since start.time, every `step` and at strike and end; q and qdot (n, 7)."""
+        end = self.end_time - self.start.time
+        times = np.unique(np.append(np.arange(0.0, end, step), [end, min(end, self.strike_time - self.start.time)]))
+        rows = [self.sample(self.start.time + t) for t in times]
+        return times, np.array([q for q, _ in rows]), np.array([v for _, v in rows])
+
+
+@njit(cache=True)
+def _holds(time: float, q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, only_quintic: bool) -> bool:
+    for i in range(7):
+        if only_quintic:
+            if not quintic_holds(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration):
+                return False
+        elif not possible(time, q1[i] - q0[i], v0[i], v1[i], speed[i], acceleration):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _least(q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, only_quintic: bool) -> float:
+    """The shortest time (s) of a leg that keeps the limits in all joints; inf when there is none below LONGEST."""
+    time = 1e-6
+    for i in range(7):
+        time = max(time, least_time(q1[i] - q0[i], v0[i], v1[i], speed[i], acceleration))
+    if _holds(time, q0, v0, q1, v1, speed, acceleration, only_quintic):
+        return time
+    while not _holds(time + STEP, q0, v0, q1, v1, speed, acceleration, only_quintic):
+        time += STEP
+        if time > LONGEST:
+            return np.inf
+    low, high = time, time + STEP
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        if _holds(middle, q0, v0, q1, v1, speed, acceleration, only_quintic):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@njit(cache=True)
+def _leg(
+    begin: float, time: float, q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, profile: int,
+    knots: Array, coefficients: Array, pieces: Array,
+) -> None:  # fmt: skip
+    """Appends a leg of `time` that starts at `begin`; pieces (7,) counts the polynomials of each joint."""
+    for i in range(7):
+        n = pieces[i]
+        smooth = profile == 1 or (profile == 0 and quintic_holds(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration))
+        if smooth:
+            pieces[i] += quintic(time, q0[i], v0[i], q1[i], v1[i], knots[i, n:], coefficients[i, n:])
+        else:
+            pieces[i] += trapezoid(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration, knots[i, n:], coefficients[i, n:])
+        knots[i, n : pieces[i]] += begin
+
+
+@njit(cache=True)
+def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: Array) -> None:
+    for i in range(7):
+        knots[i, pieces[i]] = begin
+        coefficients[i, pieces[i], 0] = q[i]
+        pieces[i] += 1
+
+
+@njit(cache=True)
+def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Array, Array, Array]:
+    """Lowest and highest q, highest |qdot| and |qddot| (7,) each, every STEP until `end`."""
+    q, qdot, qddot = np.empty(7), np.empty(7), np.empty(7)
+    low, high, speed, acceleration = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7)
+    for k in range(int(end / STEP) + 2):
+        evaluate(min(end, k * STEP), knots, coefficients, q, qdot, qddot)
+        low, high = np.minimum(low, q), np.maximum(high, q)
+        speed, acceleration = np.maximum(speed, np.abs(qdot)), np.maximum(acceleration, np.abs(qddot))
+    return low, high, speed, acceleration
+
+
+def _beyond(model: ArmModel, end: float, knots: Array, coefficients: Array) -> str | None:
+    """Which joint would leave its range on the way."""
+    low, high, _, _ = extremes(end, knots, coefficients)
+    outside = np.maximum(model.position_limits[:, 0] - low, high - model.position_limits[:, 1])
+    if outside.max() > 0.0:
+        return f"joint {model.names[int(outside.argmax())]} would run {outside.max():.3f} rad beyond its limit on the way"
+    return None
+
+
+def _assemble(
+    model: ArmModel, start: Joints, hold: float, approach: float, target: Reach, back: float, limits: SwingLimits, profile: str
+) -> tuple[Array, Array, float]:
+    knots, coefficients, pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
+    speed, kind = limits.speed_share * model.speed_limits, PROFILES.index(profile)
+    q0, v0 = start.q.copy(), start.qdot.copy()
+    waiting = model.waiting.copy()
+    if hold > 0.0:
+        _rest(0.0, q0, knots, coefficients, pieces)
+    if approach > 0.0:
+        _leg(hold, approach, q0, v0, target.q, target.qdot, speed, limits.acceleration, kind, knots, coefficients, pieces)
+        q0, v0 = target.q, target.qdot
+    end = hold + approach + back
+    _leg(hold + approach, back, q0, v0, waiting, np.zeros(7), speed, limits.acceleration, kind, knots, coefficients, pieces)
+    _rest(end, waiting, knots, coefficients, pieces)
+    return knots, coefficients, end
+
+
+def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
+    """The swing from `start` that has the joints at target.q with target.qdot at `strike_time` (s), and then waits for the next ball.
+
+    A start at rest is held as long as an unhurried approach allows; a moving start has no jump in position or speed. target None only returns
+    to waiting. The start's speeds must be within the limits. Raises OutOfRange, NotFinite.
+    """
+    limits = limits or SwingLimits()
+    strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
+    speed, only_quintic = limits.speed_share * model.speed_limits, limits.profile == "quintic"
+    waiting, rest = model.waiting.copy(), np.zeros(7)
+    q0, v0 = start.q.copy(), start.qdot.copy()
+    v0 = np.clip(v0, -speed, speed)
+
+    def least(a: Array, b: Array, c: Array, d: Array) -> float:
+        return _least(a, b, c, d, speed, limits.acceleration, only_quintic)
+
+    earliest, reason = math.inf, None if target is None else target.reason
+    if target is not None and reason is None:
+        time = strike_time - start.time
+        shortest = least(q0, v0, target.q, target.qdot)
+        back = least(target.q, target.qdot, waiting, rest)
+        earliest = start.time + shortest
+        if math.isinf(shortest) or math.isinf(back):
+            reason = "the limits allow no swing through this strike"
+        elif time < shortest:
+            reason = f"the strike is {1e3 * (shortest - time):.0f} ms too early"
+        elif not _holds(time, q0, v0, target.q, target.qdot, speed, limits.acceleration, only_quintic) and np.abs(v0).max() > AT_REST:
+            reason = "the arm moves too fast to arrive as late as that"
+        else:
+            for hurry, profile in ((limits.unhurried, limits.profile), (1.0, limits.profile), (1.0, "trapezoid")):
+                approach = min(time, hurry * shortest) if np.abs(v0).max() <= AT_REST else time
+                slack = 1.0 if hurry == 1.0 else limits.unhurried_return
+                knots, coefficients, end = _assemble(model, start, time - approach, approach, target, slack * back, limits, profile)
+                reason = _beyond(model, end, knots, coefficients)
+                if reason is None:
+                    return Swing(start, strike_time, start.time + end, earliest, None, knots, coefficients)
+    back = max(1e-3, least(q0, v0, waiting, rest) * limits.unhurried_return)
+    knots, coefficients, end = _assemble(model, start, 0.0, 0.0, Reach(q0, v0, 0.0, 0.0, None), back, limits, limits.profile)
+    return Swing(start, math.inf, start.time + end, earliest, reason, knots, coefficients)
