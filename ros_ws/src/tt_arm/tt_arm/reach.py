@@ -254,9 +254,23 @@ def reach(
         if not found:
             return Reach(seed, np.zeros(7), math.inf, 0.0, "Newton's method did not converge")
         qdot = allocate(model, q, velocity, method="liu" if method == "liu" else "least")
-    ratio = float(np.max(np.abs(qdot) / speed))
-    rate = model.jacobian(q)[3:] @ qdot
-    turning = float(np.linalg.norm(np.cross(rate, rotation[:, 2])))
+    return _judged(model, q, qdot)
+
+
+def adjust(model: ArmModel, racket: RacketState, before: Reach) -> Reach:
+    """The answer for `racket` next to that for a racket state near it: the least changes of posture and joint speeds."""
+    found, q = newton(racket.position.copy(), racket.normal.copy(), np.array(before.q), model.chain, 20, 1e-9)
+    if not found:
+        return Reach(q, np.zeros(7), math.inf, 0.0, "Newton's method did not converge")
+    scaled = model.jacobian(q)[:3] * model.speed_limits
+    missing = racket.velocity - model.jacobian(q)[:3] @ before.qdot
+    return _judged(model, q, before.qdot + model.speed_limits * (scaled.T @ np.linalg.solve(scaled @ scaled.T, missing)))
+
+
+def _judged(model: ArmModel, q: Array, qdot: Array) -> Reach:
+    """With ratio, turning rate and, where a limit is broken, the reason."""
+    ratio = float(np.max(np.abs(qdot) / model.speed_limits))
+    turning = float(np.linalg.norm(np.cross(model.jacobian(q)[3:] @ qdot, model.racket(q)[1][:, 2])))
     reason = None
     outside = np.maximum(model.position_limits[:, 0] - q, q - model.position_limits[:, 1])
     if outside.max() > 0.0:

@@ -1,0 +1,63 @@
+"""Which of the candidate strokes the arm takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.states import RacketState
+
+from .model import ArmModel
+from .reach import Reach, ReachParams, adjust, reach
+from .swing import Joints, Swing, SwingLimits, plan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """A stroke that the arm can make in time.
+
+    index: of the candidate; None when no candidate can be taken. reasons: of the others that were tried, in order.
+    """
+
+    index: int | None
+    racket: RacketState | None
+    reach: Reach | None
+    swing: Swing | None
+    reasons: tuple[str, ...]
+
+
+def apart(one: RacketState, other: RacketState) -> float:
+    """m, how far `one` passes from where `other` wants the face, plus what its tilt makes at the rim of a ball (2 cm) and its speed in 5 ms."""
+    position = one.position + one.velocity * (other.time - one.time)
+    tilt, speed = np.linalg.norm(one.normal - other.normal), np.linalg.norm(one.velocity - other.velocity)
+    return float(np.linalg.norm(position - other.position) + 0.02 * tilt + 0.005 * speed)
+
+
+def choose(
+    model: ArmModel,
+    rackets: Sequence[RacketState],
+    start: Joints,
+    limits: SwingLimits,
+    params: ReachParams,
+    current: tuple[RacketState, Reach] | None = None,
+) -> Choice:
+    """The first candidate that the arm can make from `start` within its limits; `current`, the stroke on its way, is adjusted where it can be.
+
+    Raises nothing for a stroke out of reach: that is a reason.
+    """
+    reasons: list[str] = []
+    if current is not None and rackets:
+        nearest = min(range(len(rackets)), key=lambda i: apart(current[0], rackets[i]))
+        target = adjust(model, rackets[nearest], current[1])
+        swing = plan(model, start, target, rackets[nearest].time, limits)
+        if swing.reason is None:
+            return Choice(nearest, rackets[nearest], target, swing, ())
+        reasons.append(f"{nearest} adjusted: {swing.reason}")
+    for i, racket in enumerate(rackets):
+        target = reach(model, racket, start.q, params)
+        swing = plan(model, start, target, racket.time, limits)
+        if swing.reason is None:
+            return Choice(i, racket, target, swing, tuple(reasons))
+        reasons.append(f"{i}: {swing.reason}")
+    return Choice(None, None, None, None, tuple(reasons))
