@@ -17,8 +17,8 @@ BOUNCE, HIT = contact("table", 0.5, 0.3), contact("racket", -0.2, 0.5)
 @pytest.mark.parametrize(
     ("contacts", "result"),
     [
-        ([], "flying"),
-        ([BOUNCE], "flying"),
+        ([], "missed"),
+        ([BOUNCE], "missed"),
         ([BOUNCE, HIT], "flying"),
         ([BOUNCE, HIT, contact("table", 2.0, 1.1)], "returned"),
         ([BOUNCE, HIT, contact("table", 0.4, 1.1)], "own half"),

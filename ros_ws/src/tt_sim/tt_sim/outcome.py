@@ -35,15 +35,14 @@ class Outcome:
 
     @property
     def result(self) -> str:
-        """ "returned" or what went wrong; "flying" while nothing is decided."""
-        landing = self.landing
-        if landing is not None:
-            if landing.surface == "table":
-                return "returned" if landing.before.position[0] > NET_X else "own half"
-            return {"net": "net", "racket": "second hit"}.get(landing.surface, "off the table")
-        if self.hit is None and any(c.surface in ("floor", "net") for c in self.contacts):
+        """What it is as far as the contacts go: missed until hit, then flying until it meets something."""
+        if self.hit is None:
             return "missed"
-        return "flying"
+        if self.landing is None:
+            return "flying"
+        if self.landing.surface == "table":
+            return "returned" if self.landing.before.position[0] > NET_X else "own half"
+        return {"net": "net", "racket": "second hit"}.get(self.landing.surface, "off the table")
 
     def over(self, ball: BallState | None, time: float) -> bool:
         """Whether nothing more of interest happens to the ball, which is None when it is gone."""

@@ -17,6 +17,8 @@ from tt_arm.swing import Joints
 from tt_core.errors import check_array, check_range
 from tt_core.states import Array
 
+from .world import RacketMotion
+
 
 @dataclass(frozen=True, slots=True)
 class PlantParams:
@@ -57,15 +59,6 @@ def _advance(q: Array, qdot: Array, command: Array, duration: float, limits: Arr
             q[i], qdot[i] = min(limits[i, 1], max(limits[i, 0], q[i])), 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RacketMotion:
-    """The true racket at one instant, in `table`: position (3,) m of the face centre, unit normal (3,), velocity (3,) m/s of the face centre."""
-
-    position: Array
-    normal: Array
-    velocity: Array
-
-
 class Plant:
     """Pure but for its constants: the state is passed in and returned."""
 
@@ -83,7 +76,7 @@ class Plant:
         """The racket at `state`, or `duration` (s) later under `command` (7,), exact at any instant of a tick; about 15 us."""
         q, qdot = (state.q.copy(), state.qdot) if command is None else self._after(state, command, duration)
         position, rotation, jacobian = forward(q, self.model.chain)
-        return RacketMotion(position, rotation[:, 2].copy(), jacobian[:3] @ qdot)
+        return RacketMotion(position, rotation, jacobian[:3] @ qdot)
 
     def measured(self, state: Joints, rng: np.random.Generator) -> Joints:
         """What the encoders tell."""

@@ -20,6 +20,7 @@ from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
+from tt_arm.swing import Joints
 from tt_core.errors import TtError, check_range
 from tt_core.ros.convert import ball_to_message, camera_to_message, image_to_message, joints_to_message, racket_to_message, stamp
 from tt_core.ros.params import declare, declare_physics, parameter
@@ -80,20 +81,20 @@ class SimNode(Node):
         self.scene = Scene(texture=Texture.drawn(self.params.seed))
         self.cameras = high_speed_pair()
         self.arm = ArmModel.pa10()
-        self.plant = Plant(self.arm, declare(self, PlantParams, "plant."), self.rng)
+        self.plant = Plant(self.arm, declare(self, PlantParams, "plant."))
         self.world = World(self.physics)
         self.command: Array = np.zeros(len(self.arm.names))
         self.launched = 0
         self.rendering = threading.Event()  # set while a launch waits for its images or its ball flies
         self.ready: Flight | None = None
         self.outcome: Outcome | None = None
-        self.over = threading.Event()
 
         self.status = Status(self)
         self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in CAMERAS]
         self.infos = [self.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in CAMERAS]
         for publisher, camera, name in zip(self.infos, self.cameras, CAMERAS, strict=True):
-            publisher.publish(camera_to_message(camera, f"{name}_optical"))
+            size = camera.width, camera.height
+            publisher.publish(camera_to_message(*size, camera.matrix, camera.distortion, f"{name}_optical"))
         self.joints = self.create_publisher(JointState, "/joint_states", RELIABLE)
         self.clock = self.create_publisher(Clock, "/clock", LATEST)
         self.true_ball = self.create_publisher(Odometry, "/sim/ball", TRUTH)
@@ -102,12 +103,7 @@ class SimNode(Node):
         self.create_service(Trigger, "/launcher/launch", self.on_launch)
         for _ in footage(*launch("top", 5, self.launcher, np.random.default_rng(0)), self.cameras, self.scene, self.physics, self.rng):
             break  # loads the kernels
-        self.pacer = threading.Thread(target=self.pace, daemon=True)
-        self.pacer.start()
-
-    def close(self) -> None:
-        self.over.set()
-        self.pacer.join(timeout=2.0)
+        threading.Thread(target=self.pace, daemon=True).start()
 
     def on_command(self, message: Float64MultiArray) -> None:
         command = np.array(message.data)
@@ -136,9 +132,19 @@ class SimNode(Node):
         self.ready = Flight(number, f"{kind} {scale}", ball, frames)
 
     def pace(self) -> None:
+        """Until the node is shut down."""
+        try:
+            self.keep_time()
+        except RuntimeError:  # published into a context that a signal has just ended
+            if self.context.ok():
+                raise
+
+    def keep_time(self) -> None:
         """Ticks at whole multiples, frames at their stamps, on a clock that runs `rtf` times the real one."""
         start, real_start = time.time(), time.monotonic()
-        racket = self.plant.racket
+        joints = Joints(start, self.arm.waiting, np.zeros(len(self.arm.names)))
+        racket = self.plant.racket(joints)
+        noise = np.random.default_rng(self.params.seed + 1)  # of the encoders; the other generator is the launches'
         now, frame_time, launch_time = start, start, 0.0
         flight: Flight | None = None
         dark = [
@@ -146,7 +152,7 @@ class SimNode(Node):
             for c, n in zip(self.cameras, CAMERAS, strict=True)
         ]
         clock_due = start
-        while not self.over.is_set():
+        while self.context.ok():
             tick_due = now + self.params.tick
             frame_due = launch_time + flight.frames[0][0] if flight and flight.frames else np.inf
             if self.params.always_on and not (flight and flight.frames):
@@ -166,9 +172,10 @@ class SimNode(Node):
             if now >= clock_due:
                 self.clock.publish(Clock(clock=stamp(now)))
                 clock_due = now + 1.0 / self.params.clock_rate
-            self.plant.advance(self.command, self.params.tick)
-            before, racket = racket, self.plant.racket
-            self.joints.publish(joints_to_message(self.arm.names, now, self.plant.measured_q, self.plant.measured_qdot))
+            joints = self.plant.advance(joints, self.command, self.params.tick)
+            before, racket = racket, self.plant.racket(joints)
+            measured = self.plant.measured(joints, noise)
+            self.joints.publish(joints_to_message(self.arm.names, now, measured.q, measured.qdot))
             if flight is None and self.ready is not None:
                 flight, self.ready = self.ready, None
                 launch_time = now + self.params.lead

@@ -29,9 +29,14 @@ class RacketMotion:
     velocity: Array
 
     @property
+    def normal(self) -> Array:
+        """(3,) unit, of the face."""
+        return self.rotation[:, 2]
+
+    @property
     def row(self) -> Array:
         """(9,) position, normal, velocity, for the kernel."""
-        return np.concatenate([self.position, self.rotation[:, 2], self.velocity])
+        return np.concatenate([self.position, self.normal, self.velocity])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -83,6 +83,12 @@ class Camera:
         return self.focal_length / self.pixel_size
 
     @property
+    def matrix(self) -> Array:
+        """(3, 3) K in pixels."""
+        u, v = self.principal_point  # type: ignore[misc]
+        return np.array([[self.focal_pixels, 0.0, u], [0.0, self.focal_pixels, v], [0.0, 0.0, 1.0]])
+
+    @property
     def vector(self) -> Array:
         """(20,) for the kernels: rotation by rows, translation, focal length in pixels, principal point, distortion."""
         head = [self.rotation.ravel(), self.translation, [self.focal_pixels]]
