@@ -209,7 +209,7 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
         if math.isinf(shortest) or math.isinf(back):
             reason = "the limits allow no swing through this strike"
         elif time < shortest:
-            reason = f"the strike is {1e3 * (shortest - time):.0f} ms too early"
+            reason = f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
         elif not _holds(time, q0, v0, target.q, target.qdot, speed, limits.acceleration, only_quintic) and np.abs(v0).max() > AT_REST:
             reason = "the arm moves too fast to arrive as late as that"
         else:

@@ -1,0 +1,132 @@
+"""The arm from strokes and joint states to commands, without ROS: it holds the swing, and the guard has the last word."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.errors import check_range
+from tt_core.states import Array, RacketState
+
+from .choice import Choice, apart, choose
+from .guard import Guard, GuardParams
+from .model import ArmModel
+from .reach import Reach, ReachParams, reach
+from .servo import ServoParams, follow
+from .swing import Joints, Swing, SwingLimits, plan
+
+
+@dataclass(frozen=True, slots=True)
+class ControlParams:
+    """When strokes are taken."""
+
+    ahead: float = 0.010  # s, a new swing begins this long after the joint state it is planned on, room for the planning itself
+    replan: bool = True  # newer strokes for the ball on its way may change the swing
+    replan_distance: float = 0.002  # m, what they must differ by, see `apart`
+    same_ball: float = 0.3  # s, strikes closer than this are for one ball
+    lost: float = 0.15  # rad off the path, at which the swing is given up
+
+    def __post_init__(self) -> None:
+        check_range("ahead", self.ahead, 0.0, 0.5)
+        check_range("replan_distance", self.replan_distance, 0.0, 1.0)
+        check_range("same_ball", self.same_ball, 0.0, 10.0)
+        check_range("lost", self.lost, 0.01, 3.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What one joint state leads to: the command (7,) rad/s, why it is not what the swing wants, and the swing that begins with it."""
+
+    command: Array
+    reason: str | None = None
+    begun: Swing | None = None
+
+
+class ArmControl:
+    """Call `step` with each joint state and `take` with each set of strokes; both only use the times they are given."""
+
+    def __init__(
+        self,
+        model: ArmModel,
+        limits: SwingLimits | None = None,
+        reaching: ReachParams | None = None,
+        servo: ServoParams | None = None,
+        guard: GuardParams | None = None,
+        params: ControlParams | None = None,
+    ) -> None:
+        self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
+        self.servo, self.params = servo or ServoParams(), params or ControlParams()
+        self.guard = Guard(model, guard)
+        self.enabled = False
+        self.joints: Joints | None = None
+        self.swing: Swing | None = None
+        self.coming: Swing | None = None
+        self.stroke: tuple[RacketState, Reach] | None = None
+
+    def enable(self, on: bool) -> None:
+        """Switches motion on, forgetting what latched, or off by a controlled stop."""
+        self.enabled = on
+        self._forget()
+        if on:
+            self.guard.reset()
+
+    def step(self, joints: Joints) -> Step:
+        """The command for the time of `joints`: along the swing, else towards waiting, else zero."""
+        late = self.guard.stale(joints.time)
+        self.joints = joints
+        if not self.enabled or self.guard.latched:
+            self._forget()
+            return Step(self.guard.stop(joints.time), self.guard.latched)
+        begun = None
+        if self.coming is not None and joints.time >= self.coming.start.time:
+            self.swing, self.coming, begun = self.coming, None, self.coming
+        if self.swing is None or late or np.abs(self.swing.sample(joints.time)[0] - joints.q).max() > self.params.lost:
+            self._forget()
+            self.swing = plan(self.model, joints, None, joints.time, self.limits)
+        wanted = follow(self.swing, joints.time, joints.q, self.model.speed_limits, self.servo)
+        command, reason = self.guard.check(joints.time, wanted, joints.q)
+        return Step(command, reason, begun)
+
+    def take(self, rackets: Sequence[RacketState]) -> Choice:
+        """Plans for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
+        if not self.enabled or self.guard.latched or self.joints is None or self.swing is None:
+            return Choice(None, None, None, None, (self.guard.latched or "not enabled",))
+        current = self.stroke if self.stroke is not None and self.stroke[0].time > self.joints.time else None
+        if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
+            if not self.params.replan:
+                return Choice(None, None, None, None, ("a swing is on its way",))
+            if min(apart(current[0], r) for r in rackets) < self.params.replan_distance:
+                return Choice(None, None, None, None, ("the swing on its way will do",))
+        else:
+            current = None
+        time = self.joints.time + self.params.ahead
+        path = self.coming if self.coming is not None and self.coming.start.time <= time else self.swing
+        choice = choose(self.model, rackets, Joints(time, *path.sample(time)), self.limits, self.reaching, current)
+        if choice.swing is not None and choice.racket is not None and choice.reach is not None:
+            self.coming, self.stroke = choice.swing, (choice.racket, choice.reach)
+        return choice
+
+    def fail(self, reason: str) -> Array:
+        """Something else broke: latches; the command (7,) is zero."""
+        self.guard.latched = reason
+        self._forget()
+        return np.zeros(7)
+
+    def _forget(self) -> None:
+        self.swing = self.coming = self.stroke = None
+
+
+def warm(model: ArmModel) -> None:
+    """Compiles every kernel of the arm, or loads it from the cache."""
+    control = ArmControl(model)
+    control.enable(True)
+    joints = Joints(0.0, model.waiting, np.zeros(7))
+    control.step(joints)
+    racket = RacketState(0.5, np.array([-0.15, 0.70, 0.25]), np.array([1.48, 0.095, 1.41]), -0.011, 0.792)  # Table 4.3 case 1
+    control.take([racket])
+    control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
+    control.step(Joints(0.02, model.waiting, np.zeros(7)))
+    for method in ("near", "liu"):
+        reach(model, racket, model.waiting, method=method)
+    plan(model, joints, None, 0.0, SwingLimits(profile="quintic"))
