@@ -80,12 +80,16 @@ class ArmNode(Node):
             self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=reasons)
             return
         self.frame_time = stamp
-        values = {
-            "ratio": f"{choice.reach.ratio:.3f}",
-            "turning": f"{choice.reach.turning:.2f}",
-            "earliest": f"{choice.swing.earliest:.6f}",
-        }
-        self.status.tell("swing", stamp=stamp, chosen=choice.index, strike=f"{choice.swing.strike_time:.6f}", reasons=reasons, **values)
+        self.status.tell(
+            "swing",
+            stamp=stamp,
+            chosen=choice.index,
+            strike=f"{choice.swing.strike_time:.6f}",
+            earliest=f"{choice.swing.earliest:.6f}",
+            ratio=f"{choice.reach.ratio:.3f}",
+            turning=f"{choice.reach.turning:.2f}",
+            reasons=reasons,
+        )
         self.swings.publish(swing_to_message(self.joints, choice.swing.start.time, *choice.swing.table(POINTS)))
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -28,7 +28,7 @@ class Choice:
 
 
 def apart(one: RacketState, other: RacketState) -> float:
-    """m, how far `one` passes from where `other` wants the face, plus what its tilt makes at the rim of a ball (2 cm) and its speed in 5 ms."""
+    """m, how far `one` passes from where `other` wants the face, plus what its tilt makes over 2 cm and its speed in 5 ms."""
     position = one.position + one.velocity * (other.time - one.time)
     tilt, speed = np.linalg.norm(one.normal - other.normal), np.linalg.norm(one.velocity - other.velocity)
     return float(np.linalg.norm(position - other.position) + 0.02 * tilt + 0.005 * speed)
@@ -42,9 +42,9 @@ def choose(
     params: ReachParams,
     current: tuple[RacketState, Reach] | None = None,
 ) -> Choice:
-    """The first candidate that the arm can make from `start` within its limits; `current`, the stroke on its way, is adjusted where it can be.
+    """The first candidate that the arm can make from `start` within its limits.
 
-    Raises nothing for a stroke out of reach: that is a reason.
+    current: the stroke on its way, adjusted where it can be. A stroke out of reach raises nothing: it is a reason.
     """
     reasons: list[str] = []
     if current is not None and rackets:

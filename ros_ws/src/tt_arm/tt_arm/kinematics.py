@@ -81,8 +81,8 @@ def _aim(rotation: Array, direction: Array, q: Array, i: int) -> None:
 def inverse(position: Array, rotation: Array, swivel: float, chain: Chain, q: Array) -> bool:
     """Fills q (7,) for a racket pose and an elbow angle; False when out of reach.
 
-    swivel: rad, of the elbow about the line from shoulder to wrist. The answer has q2, q4, q6 >= 0; the other postures with the same links in
-    space negate one of these and turn its two neighbours by pi.
+    swivel: rad, of the elbow about the line from shoulder to wrist. The answer has q2, q4, q6 >= 0; the other postures with the same
+    links in space negate one of these and turn its two neighbours by pi.
     """
     flange = rotation @ chain.mount_rotation.T
     beyond = chain.mount_position.copy()

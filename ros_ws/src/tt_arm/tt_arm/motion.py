@@ -2,8 +2,8 @@
 
 All speeds possible at a time t lie between two envelopes: as fast as the limits allow, min(v0 + a t, v_max, v1 + a (T - t)), and as slow.
 The distances possible in the time T are therefore an interval, and mixing the two envelopes reaches each of them within the limits.
-Kernels do not validate; rad, s. A motion is a row of polynomials: `knots` (n,), the times where they start, and `coefficients` (n, 6) in the
-time since then, lowest power first.
+Kernels do not validate; rad, s. A motion is a row of polynomials: `knots` (n,), the times where they start, and `coefficients` (n, 6) in
+the time since then, lowest power first.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def possible(time: float, distance: float, v0: float, v1: float, speed: float, a
 
 @njit(cache=True)
 def fastest(time: float, distance: float, v0: float, speed: float, acceleration: float) -> float:
-    """The largest speed at the end of `distance` in `time`; the smallest is -fastest(time, -distance, -v0); none when that one is larger."""
+    """The largest speed at the end of `distance` in `time`; the smallest is -fastest(time, -distance, -v0), none when that is larger."""
     k = v0 - acceleration * time
     square = 2.0 * k * k - 2.0 * v0 * v0 + 4.0 * acceleration * distance
     v1 = k + math.sqrt(square) if square > 0.0 else -math.inf

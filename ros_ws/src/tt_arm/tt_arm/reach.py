@@ -1,8 +1,9 @@
 """Which posture brings the racket to its state (inverse kinematics).
 
-Face position and normal are five conditions on seven joints. The two freedoms left are the racket's turn about its normal and the elbow's
-angle about the line from shoulder to wrist; with both given the posture is a closed form. They are chosen by a search over their whole range,
-so the answer does not hang on a start, for joint speeds well below their limits, an early arrival and a face that turns little at the strike.
+Face position and normal are five conditions on seven joints. The two freedoms left are the racket's turn about its normal and the
+elbow's angle about the line from shoulder to wrist; with both given the posture is a closed form. They are chosen by a search over their
+whole range, so the answer does not hang on a start. The best posture spends the least share of the joint speeds that can be had there
+within the swing time, and lets the face turn little at the strike.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def _steadier(rows: Array, wanted: Array, shares: Array, affordable: float) -> A
 
 @njit(cache=True)
 def _wind(q: Array, branch: int, seed: Array, limits: Array) -> float:
-    """The same links in space by other angles, in place, each wound to the turn nearest to the seed; returns how far that is, s at full speed.
+    """The same links in space by other angles, in place, each wound to the turn nearest to the seed; returns the way, s at full speed.
 
     Each bit of `branch` negates q2, q4 or q6 and turns its neighbours by pi.
     """

@@ -2,7 +2,8 @@
 
 With columns a_i = (speed limit i) x (column i of the Jacobian), shares x_i = qdot_i / limit_i are wanted with sum a_i x_i = V and the least
 max |x_i|. The velocities possible with |x_i| <= 1 fill a zonotope, so the least maximum is the gauge of V in it: the largest
-|V.n| / sum |a_k.n| over the normals n = a_i x a_j of its faces. The shares off that face follow; those in it are the same problem in a plane.
+|V.n| / sum |a_k.n| over the normals n = a_i x a_j of its faces. The shares off that face follow; those in it are the same problem in
+a plane.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_array
 from tt_core.states import Array
@@ -28,7 +30,7 @@ def _dot(columns: Array, k: int, vector: Array) -> float:
 
 @njit(cache=True)
 def least_shares(columns: Array, velocity: Array, shares: Array) -> float:
-    """Fills shares (7,) for columns (3, 7) and velocity (3,); returns the least possible max |share|, inf when the velocity is impossible."""
+    """Fills shares (7,) for columns (3, 7) and velocity (3,); returns the least max |share|, inf when the velocity is impossible."""
     shares[:] = 0.0
     best, n0, n1, n2 = -1.0, 0.0, 0.0, 0.0
     for i in range(7):
@@ -69,7 +71,7 @@ def least_shares(columns: Array, velocity: Array, shares: Array) -> float:
 
 
 @njit(cache=True)
-def _least_in_plane(columns: Array, inside: Array, normal: Array, rest: Array, shares: Array) -> None:
+def _least_in_plane(columns: Array, inside: npt.NDArray[np.bool_], normal: Array, rest: Array, shares: Array) -> None:
     """The same for the columns `inside` the face and what is left of the velocity; columns along the face's edge share alike."""
     best, along = -1.0, -1
     edge = np.zeros(3)
@@ -83,7 +85,7 @@ def _least_in_plane(columns: Array, inside: Array, normal: Array, rest: Array, s
         for k in range(7):
             if inside[k]:
                 width += abs(_dot(columns, k, side))
-        ratio = abs(rest @ side) / width if width > PARALLEL else 0.0
+        ratio = float(abs(rest @ side)) / width if width > PARALLEL else 0.0
         if ratio > best:
             best, along = ratio, i
             edge = side if rest @ side > 0.0 else -side

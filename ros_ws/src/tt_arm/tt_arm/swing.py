@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_array, check_range
 from tt_core.states import Array
@@ -62,8 +63,9 @@ class SwingLimits:
 class Swing:
     """A path of all joints over time.
 
-    start: where it begins. strike_time, end_time: s; it rests from end_time on. earliest: s, from when on the strike would have been possible
-    (inf if never). reason: None, or why there is no strike: then the path only brakes and returns to waiting, and strike_time is inf.
+    start: where it begins. strike_time, end_time: s; it rests from end_time on. earliest: s, when the strike would have been possible
+    at the earliest, inf if never. reason: None, or why there is no strike: then the path only brakes and returns to waiting, and
+    strike_time is inf.
     """
 
     start: Joints
@@ -124,7 +126,7 @@ def _least(q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleratio
 @njit(cache=True)
 def _leg(
     begin: float, time: float, q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, profile: int,
-    knots: Array, coefficients: Array, pieces: Array,
+    knots: Array, coefficients: Array, pieces: npt.NDArray[np.int64],
 ) -> None:  # fmt: skip
     """Appends a leg of `time` that starts at `begin`; pieces (7,) counts the polynomials of each joint."""
     for i in range(7):
@@ -138,7 +140,7 @@ def _leg(
 
 
 @njit(cache=True)
-def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: Array) -> None:
+def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: npt.NDArray[np.int64]) -> None:
     for i in range(7):
         knots[i, pieces[i]] = begin
         coefficients[i, pieces[i], 0] = q[i]
@@ -187,8 +189,8 @@ def _assemble(
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
     """The swing from `start` that has the joints at target.q with target.qdot at `strike_time` (s), and then waits for the next ball.
 
-    A start at rest is held as long as an unhurried approach allows; a moving start has no jump in position or speed. target None only returns
-    to waiting. The start's speeds must be within the limits. Raises OutOfRange, NotFinite.
+    A start at rest is held as long as an unhurried approach allows; a moving start has no jump in position or speed. target None only
+    returns to waiting. The start's speeds must be within the limits. Raises OutOfRange, NotFinite.
     """
     limits = limits or SwingLimits()
     strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
