@@ -42,7 +42,7 @@ class Texture:
         centres = _spread(rng, blobs)
         directions = _cube_directions(FACE).reshape(-1, 3)
         coarse = directions[rng.permutation(len(directions))[:8000]]
-        solid = 1.0 / (1.0 + np.zeros(len(coarse))) * np.abs(coarse).max(axis=1) ** 3  # solid angle of a texel
+        solid = np.abs(coarse).max(axis=1) ** 3  # solid angle of a texel
         low, high = 0.02, 0.6  # rad, size of a mark
         for _ in range(12):
             size = (low + high) / 2
@@ -120,8 +120,8 @@ def _cube_directions(n: int) -> Array:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A small lamp. position: m in `table`. strength: grey (1 is full scale) of a white ideal surface facing it from 1 m; falls with distance^2.
-    flicker: relative amplitude of its ripple; ripple: 1/s."""
+    """A small lamp. position: m in `table`. strength: grey (1 is full scale) of an ideal white surface facing it from 1 m; it falls with
+    the square of the distance. flicker: relative amplitude of its ripple; ripple: 1/s."""
 
     position: tuple[float, float, float]
     strength: float
@@ -191,8 +191,8 @@ def render(
         vector = camera.vector
         state = np.concatenate([ball.position, ball.velocity])
         turns = np.array([_exp(ball.spin * exposure * ((i + 0.5) / SAMPLES - 0.5)) @ turn for i in range(SAMPLES)])
-        seed = int(rng.integers(1 << 31))
-        _trace(clear, box, vector, state, turns, texture.albedo, texture.gloss, sources, lamps.ambient, lamps.background, exposure, seed)
+        shifts = rng.random((box[3] - box[2], box[1] - box[0], 3), dtype=np.float32)
+        _trace(clear, box, vector, state, turns, texture.albedo, texture.gloss, sources, lamps.ambient, exposure, shifts)
         if noise.lens_blur > 0.0:
             _blur(clear, box, _kernel(noise.lens_blur))
     top = (1 << noise.bits) - 1
@@ -266,65 +266,81 @@ def _trace(
     gloss: float,
     sources: np.ndarray,
     ambient: float,
-    background: float,
     exposure: float,
-    seed: int,
+    shifts: np.ndarray,
 ) -> None:
-    """Sub-pixel positions follow the golden sequence in the plane, instants are evenly spaced, both shifted at random in each pixel:
-    together evenly spread over pixel and time."""
-    r = camera[:9].reshape(3, 3)
+    """Fills the box of `clear`, which holds the background. Sub-pixel positions follow the golden sequence in the plane and instants are
+    evenly spaced, both shifted at random in each pixel: together even over pixel and time."""
+    r = camera[:9].copy().reshape(3, 3)
     eye = -(r.T @ camera[9:12])
     samples = len(turns)
-    np.random.seed(seed)
+    instants = exposure * ((np.arange(samples) + 0.5) / samples - 0.5)
+    centres = np.empty((samples, 4))
+    for i in range(samples):
+        for a in range(3):
+            centres[i, a] = state[a] + instants[i] * state[3 + a] - eye[a]
+        centres[i, 3] = centres[i, 0] ** 2 + centres[i, 1] ** 2 + centres[i, 2] ** 2 - BALL_RADIUS**2
+    middle = state[:3] - eye
+    far = math.sqrt(middle @ middle)
+    middle /= far
+    wide = (BALL_RADIUS + 0.5 * exposure * math.sqrt(state[3:] @ state[3:])) / far + 2.0 / camera[12]
+    skip = math.cos(1.01 * wide)
     for row in range(box[2], box[3]):
         for column in range(box[0], box[1]):
-            shift_u, shift_v, shift_t = np.random.random(), np.random.random(), np.random.randint(samples)
+            x, y = ray(camera, column, row)
+            scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
+            towards = 0.0
+            for a in range(3):
+                towards += (r[0, a] * x + r[1, a] * y + r[2, a]) * scale * middle[a]
+            if towards < skip:
+                continue  # two pixels beside the blurred ball
+            shift_u, shift_v = shifts[row - box[2], column - box[0], 0], shifts[row - box[2], column - box[0], 1]
+            i = int(shifts[row - box[2], column - box[0], 2] * samples)
             total = 0.0
-            for s in range(samples):
-                u = column - 0.5 + (shift_u + 0.7548776662466927 * s) % 1.0
-                v = row - 0.5 + (shift_v + 0.5698402909980532 * s) % 1.0
-                i = (s + shift_t) % samples
-                t = exposure * ((i + 0.5) / samples - 0.5)
-                a, b = ray(camera, u, v)
-                scale = 1.0 / math.sqrt(a * a + b * b + 1.0)
-                dx = (r[0, 0] * a + r[1, 0] * b + r[2, 0]) * scale
-                dy = (r[0, 1] * a + r[1, 1] * b + r[2, 1]) * scale
-                dz = (r[0, 2] * a + r[1, 2] * b + r[2, 2]) * scale
-                cx = state[0] + t * state[3] - eye[0]
-                cy = state[1] + t * state[4] - eye[1]
-                cz = state[2] + t * state[5] - eye[2]
-                along = dx * cx + dy * cy + dz * cz
-                gap = along * along - (cx * cx + cy * cy + cz * cz) + BALL_RADIUS * BALL_RADIUS
+            for _ in range(samples):
+                shift_u += 0.7548776662466927
+                shift_v += 0.5698402909980532
+                shift_u -= 1.0 if shift_u >= 1.0 else 0.0
+                shift_v -= 1.0 if shift_v >= 1.0 else 0.0
+                i = i + 1 if i + 1 < samples else 0
+                x, y = ray(camera, column - 0.5 + shift_u, row - 0.5 + shift_v)
+                scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
+                dx = (r[0, 0] * x + r[1, 0] * y + r[2, 0]) * scale
+                dy = (r[0, 1] * x + r[1, 1] * y + r[2, 1]) * scale
+                dz = (r[0, 2] * x + r[1, 2] * y + r[2, 2]) * scale
+                along = dx * centres[i, 0] + dy * centres[i, 1] + dz * centres[i, 2]
+                gap = along * along - centres[i, 3]
                 if gap <= 0.0:
-                    total += background
+                    total += clear[row, column]
                     continue
                 reach = along - math.sqrt(gap)
                 hx, hy, hz = reach * dx, reach * dy, reach * dz  # from the eye
-                nx, ny, nz = (hx - cx) / BALL_RADIUS, (hy - cy) / BALL_RADIUS, (hz - cz) / BALL_RADIUS
-                m = turns[i]
+                nx = (hx - centres[i, 0]) / BALL_RADIUS
+                ny = (hy - centres[i, 1]) / BALL_RADIUS
+                nz = (hz - centres[i, 2]) / BALL_RADIUS
                 albedo = _albedo(
                     faces,
-                    m[0, 0] * nx + m[1, 0] * ny + m[2, 0] * nz,
-                    m[0, 1] * nx + m[1, 1] * ny + m[2, 1] * nz,
-                    m[0, 2] * nx + m[1, 2] * ny + m[2, 2] * nz,
+                    turns[i, 0, 0] * nx + turns[i, 1, 0] * ny + turns[i, 2, 0] * nz,
+                    turns[i, 0, 1] * nx + turns[i, 1, 1] * ny + turns[i, 2, 1] * nz,
+                    turns[i, 0, 2] * nx + turns[i, 1, 2] * ny + turns[i, 2, 2] * nz,
                 )
                 light, shine = ambient, 0.0
                 for k in range(len(sources)):
                     lx = sources[k, 0] - eye[0] - hx
                     ly = sources[k, 1] - eye[1] - hy
                     lz = sources[k, 2] - eye[2] - hz
+                    facing = nx * lx + ny * ly + nz * lz
+                    if facing <= 0.0:
+                        continue
                     near = 1.0 / (lx * lx + ly * ly + lz * lz)
                     scale = math.sqrt(near)
-                    lx, ly, lz = lx * scale, ly * scale, lz * scale
-                    facing = nx * lx + ny * ly + nz * lz
-                    if facing > 0.0:
-                        power = sources[k, 3] * near
-                        light += power * facing
-                        bx, by, bz = lx - dx, ly - dy, lz - dz  # half way between lamp and eye
-                        lobe = (nx * bx + ny * by + nz * bz) / math.sqrt(bx * bx + by * by + bz * bz)
-                        for _ in range(SHARPNESS):
-                            lobe *= lobe
-                        shine += power * lobe
+                    power = sources[k, 3] * near
+                    light += power * facing * scale
+                    bx, by, bz = lx * scale - dx, ly * scale - dy, lz * scale - dz  # half way between lamp and eye
+                    lobe = (nx * bx + ny * by + nz * bz) ** 2 / (bx * bx + by * by + bz * bz)
+                    for _ in range(SHARPNESS - 1):
+                        lobe *= lobe
+                    shine += power * lobe
                 total += albedo * light + gloss * shine
             clear[row, column] = total / samples
 

@@ -92,7 +92,7 @@ class Camera:
     def vector(self) -> Array:
         """(20,) for the kernels: rotation by rows, translation, focal length in pixels, principal point, distortion."""
         head = [self.rotation.ravel(), self.translation, [self.focal_pixels]]
-        return np.concatenate([*head, self.principal_point, self.distortion])  # type: ignore[list-item]
+        return np.concatenate([*head, self.principal_point, self.distortion])
 
     def project(self, points: Array) -> Array:
         """points: (n, 3) m in `table`. Returns (n, 2) pixels, NaN for a point that is not in front of the camera."""
@@ -181,4 +181,4 @@ def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
             raise TtError("the rays of the cameras are parallel")
         points = np.linalg.solve(normal, np.swapaxes(aw, 1, 2) @ (b * weight)[..., None])[..., 0]
         weight = 1.0 / np.repeat(np.stack([points @ row + shift for row, shift in depths], axis=1), 2, axis=1)
-    return points
+    return np.asarray(points, dtype=np.float64)

@@ -18,6 +18,7 @@ DEPTH = 0.25  # threshold between background and brightest part of the ball, rel
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
 SATURATED = 0.2  # part of the ball at full scale from which shading is lost
 LEAST_RADIUS = 8.0  # pixels, of a ball whose marks can be told apart
+SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light that halves its weight twice: a mark
 BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves by 0.02 pixels when this is off by 0.3
 MARGIN = 3.0  # pixels of background wanted around the ball
 
@@ -164,12 +165,13 @@ def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, b
             first += 1
         if first >= count:
             continue
-        s, seen = outer - step * first, False
+        s, seen, ragged = outer - step * first, False, 0.0
         for _ in range(2):
-            n, sx, sxx, sy, sxy = 0, 0.0, 0.0, 0.0, 0.0
+            n, sx, sxx, sy, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(max(0, int((outer - s + 1.5) / step) + 1), min(int((outer - s + 6.0) / step), count + deep)):
                 x = math.sqrt(2.0 * (step * i - outer + s) / radius)  # cosine to the line of sight: diffuse light is linear in it
-                n, sx, sxx, sy, sxy = n + 1, sx + x, sxx + x * x, sy + profile[i], sxy + x * profile[i]
+                y = profile[i]
+                n, sx, sxx, sy, sxy, syy = n + 1, sx + x, sxx + x * x, sy + y, sxy + x * y, syy + y * y
             seen = n >= 4
             if not seen:
                 break
@@ -178,6 +180,7 @@ def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, b
             if level < 0.0:
                 level, slope = 0.0, sy / sx
             target = 0.5 * level + spread * slope
+            ragged = math.sqrt(max(0.0, syy - level * sy - slope * sxy) / n) / max(level + 0.4 * slope, 1e-9)
             i = max(1, first - 3)
             while i < count + deep - 1 and profile[i] < target:
                 i += 1
@@ -189,7 +192,8 @@ def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, b
         if not seen:
             continue
         level += 0.4 * slope
-        points[found, 0], points[found, 1], points[found, 2] = u + s * du, v + s * dv, min(1.0, level / (0.5 * (peak - background)))
+        points[found, 0], points[found, 1] = u + s * du, v + s * dv
+        points[found, 2] = min(1.0, level / (0.5 * (peak - background))) / (1.0 + (ragged / SMOOTH) ** 2) ** 2
         found += 1
     return points[:found].copy()
 

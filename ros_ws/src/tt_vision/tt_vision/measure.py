@@ -11,7 +11,7 @@ from tt_core.errors import BadShape
 from tt_core.states import Array, BallState
 
 from .camera import Camera
-from .centre import Image, find_ball
+from .centre import find_ball
 from .motion import Motion, fit_motion
 from .spin import SpinEstimate, check_frames, check_times, estimate_spin
 
@@ -42,13 +42,13 @@ class Measurement:
         return 1.0 if self.spin is None else self.spin.residual
 
 
-def measure(left: Image, right: Image, times: Array, cameras: Sequence[Camera]) -> Measurement:
+def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence[Camera]) -> Measurement:
     """left, right: (k, h, w) uint8 or uint16, taken at `times` (k,) s, rising, middle of the exposure. cameras: (left, right).
 
     Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
     """
     times = check_times(times)
-    check_frames((left, right), len(times), len(cameras))
+    check_frames([list(left), list(right)], len(times), len(cameras))
     for camera, images in zip(cameras, (left, right), strict=True):
         if np.shape(images)[1:] != (camera.height, camera.width):
             raise BadShape("images", np.shape(images), f"(k, {camera.height}, {camera.width})")

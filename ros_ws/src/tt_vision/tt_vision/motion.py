@@ -81,7 +81,8 @@ def _start(spots: Sequence[Sequence[Spot]], tau: Array, cameras: Sequence[Camera
         distance = np.median([cameras[0].focal_pixels * BALL_RADIUS / s.radius for s in spots[0]])
         at = (rays * distance - cameras[0].translation) @ cameras[0].rotation
     basis = np.stack([np.ones_like(tau), tau], axis=1)
-    return np.linalg.lstsq(basis, at - 0.5 * tau[:, None] ** 2 * gravity, rcond=None)[0].ravel()
+    state: Array = np.linalg.lstsq(basis, at - 0.5 * tau[:, None] ** 2 * gravity, rcond=None)[0].ravel()
+    return state
 
 
 def _outlines(
@@ -154,7 +155,7 @@ def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: 
 
 
 @njit(cache=True, nogil=True)
-def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, float, Array]:
+def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[np.ndarray, float, np.ndarray]:
     """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance and each camera's offset."""
     size, n = len(state), len(points)
     scale = 3.0

@@ -47,16 +47,14 @@ def register(surface: Surface) -> Registration:
     gap = float(gaps.min())
     pairs = np.flatnonzero(gaps < 1.5 * gap)  # a lost frame leaves a longer gap
     values, weights = _maps(surface.marks, surface.weights, surface.views, surface.frame, _cells(), _cube(), len(surface.times))
-    best = None
+    found = []
     for step in (STEP, DENSE_STEP):
         rotations, table = _candidates(step)
         scores = _search(values, weights, pairs, table, surface.contrast)
-        found = _refine(surface, pairs, gap, rotations, scores)
-        if best is None or found.residual < best.residual:
-            best = found
-        if best.residual < GATE:
+        found.append(_refine(surface, pairs, gap, rotations, scores))
+        if found[-1].residual < GATE:
             break
-    return best
+    return min(found, key=lambda each: each.residual)
 
 
 def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, scores: Array) -> Registration:
@@ -161,11 +159,10 @@ def _make_cube(cells: Array, n: int) -> np.ndarray:
 @njit(cache=True, nogil=True)
 def rotation_matrix(v: Array) -> Array:
     """(3, 3), exp of the cross product matrix of v (3,) rad: (2.25) with the time step inside the exponent."""
-    angle2 = v @ v
+    angle2 = float(v @ v)
     angle = math.sqrt(angle2)
-    if angle < 1e-9:
-        a, b = 1.0, 0.5
-    else:
+    a, b = 1.0, 0.5
+    if angle > 1e-9:
         a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
     k = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return np.eye(3) + a * k + b * (k @ k)
@@ -174,7 +171,7 @@ def rotation_matrix(v: Array) -> Array:
 @njit(cache=True, nogil=True)
 def left_jacobian(v: Array) -> Array:
     """(3, 3) J with exp(v + d) = exp(J d) exp(v) to first order."""
-    angle2 = v @ v
+    angle2 = float(v @ v)
     angle = math.sqrt(angle2)
     if angle < 1e-4:
         a, b = 0.5, 1.0 / 6.0
