@@ -7,18 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import BadShape
+from tt_core.constants import BALL_RADIUS
+from tt_core.errors import BadShape, TtError
 from tt_core.states import Array, BallState
 
 from .camera import Camera
 from .centre import find_ball
 from .motion import Motion, fit_motion
+from .registration import prepare
 from .spin import SpinEstimate, check_frames, check_times, estimate_spin
 
 LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
 MOST_FRAMES = 10  # more add time and no accuracy
 ROUGH = 0.5  # pixels rms of the outline: 0.15 is usual, above this it is no ball or not one ball
-SYSTEMATIC_PIXELS = 0.1  # error of the outline that all frames of a camera share: light
+APART = 2.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,8 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
 
     Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
     """
+    if not all(np.isfinite(camera.vector).all() for camera in cameras):
+        return Measurement(None, "a camera's calibration is not finite", 0, {})
     times = check_times(times)
     check_frames([list(left), list(right)], len(times), len(cameras))
     for camera, images in zip(cameras, (left, right), strict=True):
@@ -62,8 +66,11 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     frames = [[images[k] for k in good] for images in (left, right)]
     spots = [[row[k] for k in good] for row in spots]
     times = times[good]
-    motion = fit_motion(frames, spots, times, cameras)
-    reason = _doubt(motion, spots)
+    try:
+        motion = fit_motion(frames, spots, times, cameras)
+    except TtError as error:
+        return Measurement(None, f"no position: {error}", len(good), left_out)
+    reason = _doubt(motion, 2 * len(good))
     if reason:
         return Measurement(None, reason, len(good), left_out, motion)
     spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
@@ -75,14 +82,38 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     return Measurement(ball, None, len(good), left_out, motion, spin)
 
 
-def _doubt(motion: Motion, spots: Sequence[Sequence[object]]) -> str | None:
-    images = len(spots) * len(spots[0])
+def _doubt(motion: Motion, images: int) -> str | None:
     if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
         return "no ball: the outlines do not fit"
     if motion.points < 16 * images:
         return f"no ball: {motion.points} outline points in {images} images"
     if motion.residual > ROUGH:
         return f"no ball: outline off by {motion.residual:.2f} pixels rms"
-    if np.abs(motion.offsets).max() > 2.0:
+    if np.abs(motion.offsets).max() > APART:
         return f"the cameras do not see the same ball: {np.abs(motion.offsets).max():.1f} pixels apart"
+    if np.abs(motion.edges).max() > APART:
+        return f"no ball: its outline is {np.abs(motion.edges).max():.1f} pixels too large or too small"
     return None
+
+
+def warm(cameras: Sequence[Camera]) -> None:
+    """Compiles every kernel and fills every table that `measure` uses, on drawn images of 8 and of 16 bits."""
+    axis = np.mean([camera.rotation[2] for camera in cameras], axis=0)
+    start = np.mean([camera.position for camera in cameras], axis=0) + axis
+    times = np.arange(LEAST_FRAMES) / 900.0
+    frames = [[_draw(camera, start + t * np.array([0.0, 0.0, 2.0]), 100.0 * t) for t in times] for camera in cameras]
+    for dtype in (np.uint8, np.uint16):
+        left, right = (np.array(images, dtype=dtype) for images in frames)
+        measure(left, right, times, cameras)
+    prepare()
+
+
+def _draw(camera: Camera, centre: Array, angle: float) -> np.ndarray:
+    """(h, w) a chequered ball, turned by `angle` rad about the vertical."""
+    v, u = np.mgrid[: camera.height, : camera.width]
+    at = camera.rotation @ centre + camera.translation
+    x, y = u - camera.project(centre[None])[0, 0], v - camera.project(centre[None])[0, 1]
+    radius = camera.focal_pixels * BALL_RADIUS / at[2]
+    z = np.sqrt(np.maximum(0.0, radius**2 - x * x - y * y))
+    dark = np.sin(5.0 * (np.arctan2(x, z) - angle)) * np.sin(6.0 * y / radius) > 0.4
+    return np.where(z > 0.0, np.where(dark, 40, 200), 8)

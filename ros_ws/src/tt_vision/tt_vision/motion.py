@@ -15,6 +15,7 @@ from .camera import Camera, ray, triangulate
 from .centre import Image, Spot, outline
 
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
+SHADED = 25e-6  # m, standard deviation of what all frames share: light that makes one side of the outline brighter
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
 
 
@@ -24,7 +25,8 @@ class Motion:
 
     time: s. position, velocity: (3,) m and m/s at `time`. covariance: (6, 6) of both. acceleration: (3,) m/s^2, held.
     residual: pixels, rms distance of the outline points. offsets: (cameras, 2) pixels, from where the fit puts the ball to where each
-    camera has it: the error of the cameras' calibration. points: how many outline points took part.
+    camera has it: the error of the cameras' calibration. edges: (cameras,) pixels, by which the outline is found too far out. points: how
+    many outline points took part.
     """
 
     time: float
@@ -34,6 +36,7 @@ class Motion:
     acceleration: Array
     residual: float
     offsets: Array
+    edges: Array
     points: int
 
     def positions(self, times: Array) -> Array:
@@ -68,7 +71,8 @@ def fit_motion(
     position = state[:3] + last * state[3:6] + 0.5 * last * last * gravity
     velocity = state[3:6] + last * gravity
     covariance = move @ covariance[:6, :6] @ move.T
-    return Motion(float(times[-1]), position, velocity, covariance, gravity, residual, offsets, len(points))
+    covariance[:3, :3] += SHADED**2 * np.eye(3)
+    return Motion(float(times[-1]), position, velocity, covariance, gravity, residual, offsets, state[6:], len(points))
 
 
 def _start(spots: Sequence[Sequence[Spot]], tau: Array, cameras: Sequence[Camera], gravity: Array) -> Array:
@@ -81,8 +85,7 @@ def _start(spots: Sequence[Sequence[Spot]], tau: Array, cameras: Sequence[Camera
         distance = np.median([cameras[0].focal_pixels * BALL_RADIUS / s.radius for s in spots[0]])
         at = (rays * distance - cameras[0].translation) @ cameras[0].rotation
     basis = np.stack([np.ones_like(tau), tau], axis=1)
-    state: Array = np.linalg.lstsq(basis, at - 0.5 * tau[:, None] ** 2 * gravity, rcond=None)[0].ravel()
-    return state
+    return np.asarray(np.linalg.lstsq(basis, at - 0.5 * tau[:, None] ** 2 * gravity, rcond=None)[0].ravel(), dtype=np.float64)
 
 
 def _outlines(
