@@ -1,0 +1,64 @@
+"""The simulated arm obeys its command as an ideal lag within limits does."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tt_arm.model import ArmModel
+from tt_core.errors import TtError
+from tt_sim.plant import Plant, PlantParams, step_joint
+
+MODEL = ArmModel.pa10()
+TICK = 0.002  # s
+
+
+@given(v=st.floats(-3, 3), u=st.floats(-3, 3), first=st.floats(0, 0.05), second=st.floats(0, 0.05))
+def test_two_steps_are_one(v, u, first, second):
+    whole = step_joint(0.1, v, u, first + second, 0.005, 40.0)
+    parts = step_joint(*step_joint(0.1, v, u, first, 0.005, 40.0), u, second, 0.005, 40.0)
+    assert parts == pytest.approx(whole, abs=1e-12)
+
+
+@given(v=st.floats(-3, 3), u=st.floats(-3, 3))
+def test_a_step_solves_its_differential_equation(v, u):
+    q, speed, h = 0.0, v, 1e-5
+    for _ in range(5000):
+        q, speed = q + h * speed, speed + h * min(40.0, max(-40.0, (u - speed) / 0.005))
+    # Euler's method at 1e-5 s is off by h/2 times the acceleration: 2e-4 rad/s, and 1e-5 rad over 0.05 s
+    assert step_joint(0.0, v, u, 0.05, 0.005, 40.0) == pytest.approx((q, speed), abs=3e-4)
+
+
+def test_a_joint_stops_at_its_end_and_comes_back():
+    plant = Plant(MODEL)
+    for _ in range(3000):
+        plant.advance(np.full(7, 10.0), TICK)
+    assert plant.q == pytest.approx(MODEL.position_limits[:, 1])
+    assert np.all(plant.qdot == 0.0)
+    for _ in range(100):
+        plant.advance(np.full(7, -0.5), TICK)
+    assert plant.qdot == pytest.approx(np.full(7, -0.5))
+
+
+def test_the_racket_inside_a_tick_joins_both_ends():
+    plant = Plant(MODEL)
+    plant.advance(np.array([0.5, -0.5, 1.0, -1.0, 3.0, -3.0, 2.0]), TICK)
+    for since in (0.0, 0.5 * TICK, TICK):
+        now, soon = plant.racket_at(since), plant.racket_at(since + 1e-7)
+        # the racket accelerates by less than 60 m/s^2: 6e-6 m/s in 1e-7 s
+        assert (soon.position - now.position) / 1e-7 == pytest.approx(now.velocity, abs=1e-5)
+    assert plant.racket_at(TICK).position == pytest.approx(plant.racket.position, abs=1e-15)
+
+
+def test_noise_is_measured_not_lived():
+    plant = Plant(MODEL, PlantParams(q_noise=1e-3, qdot_noise=1e-2), np.random.default_rng(1))
+    plant.advance(np.zeros(7), TICK)
+    assert plant.q == pytest.approx(MODEL.waiting)
+    assert 0.0 < np.abs(plant.measured_q - plant.q).max() < 5e-3  # 5 sigma
+    assert 0.0 < np.abs(plant.measured_qdot - plant.qdot).max() < 5e-2
+
+
+def test_nonsense_is_refused():
+    with pytest.raises(TtError, match="command"):
+        Plant(MODEL).advance(np.full(7, np.nan), TICK)
+    with pytest.raises(TtError, match="time_constant = 0"):
+        PlantParams(time_constant=0.0)
