@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tt_arm.model import ArmModel
+from tt_arm.swing import Joints
 from tt_core.errors import TtError
 from tt_sim.plant import Plant, PlantParams, step_joint
 
 MODEL = ArmModel.pa10()
+PLANT, START = Plant(MODEL), Joints(0.0, MODEL.waiting, np.zeros(7))
 TICK = 0.002  # s
 
 
@@ -28,37 +30,40 @@ def test_a_step_solves_its_differential_equation(v, u):
     assert step_joint(0.0, v, u, 0.05, 0.005, 40.0) == pytest.approx((q, speed), abs=3e-4)
 
 
+def run(state, command, ticks):
+    for _ in range(ticks):
+        state = PLANT.advance(state, command, TICK)
+    return state
+
+
 def test_a_joint_stops_at_its_end_and_comes_back():
-    plant = Plant(MODEL)
-    for _ in range(3000):
-        plant.advance(np.full(7, 10.0), TICK)
-    assert plant.q == pytest.approx(MODEL.position_limits[:, 1])
-    assert np.all(plant.qdot == 0.0)
-    for _ in range(100):
-        plant.advance(np.full(7, -0.5), TICK)
-    assert plant.qdot == pytest.approx(np.full(7, -0.5))
+    end = run(START, np.full(7, 10.0), 3000)
+    assert end.q == pytest.approx(MODEL.position_limits[:, 1])
+    assert np.all(end.qdot == 0.0)
+    assert run(end, np.full(7, -0.5), 100).qdot == pytest.approx(np.full(7, -0.5))
 
 
 def test_the_racket_inside_a_tick_joins_both_ends():
-    plant = Plant(MODEL)
-    plant.advance(np.array([0.5, -0.5, 1.0, -1.0, 3.0, -3.0, 2.0]), TICK)
+    command = np.array([0.5, -0.5, 1.0, -1.0, 3.0, -3.0, 2.0])
     for since in (0.0, 0.5 * TICK, TICK):
-        now, soon = plant.racket_at(since), plant.racket_at(since + 1e-7)
+        now, soon = PLANT.racket(START, command, since), PLANT.racket(START, command, since + 1e-7)
         # the racket accelerates by less than 60 m/s^2: 6e-6 m/s in 1e-7 s
         assert (soon.position - now.position) / 1e-7 == pytest.approx(now.velocity, abs=1e-5)
-    assert plant.racket_at(TICK).position == pytest.approx(plant.racket.position, abs=1e-15)
+    end = PLANT.racket(PLANT.advance(START, command, TICK))
+    assert PLANT.racket(START, command, TICK).position == pytest.approx(end.position, abs=1e-15)
 
 
 def test_noise_is_measured_not_lived():
-    plant = Plant(MODEL, PlantParams(q_noise=1e-3, qdot_noise=1e-2), np.random.default_rng(1))
-    plant.advance(np.zeros(7), TICK)
-    assert plant.q == pytest.approx(MODEL.waiting)
-    assert 0.0 < np.abs(plant.measured_q - plant.q).max() < 5e-3  # 5 sigma
-    assert 0.0 < np.abs(plant.measured_qdot - plant.qdot).max() < 5e-2
+    plant = Plant(MODEL, PlantParams(q_noise=1e-3, qdot_noise=1e-2))
+    state = plant.advance(START, np.zeros(7), TICK)
+    assert state.q == pytest.approx(MODEL.waiting)
+    measured = plant.measured(state, np.random.default_rng(1))
+    assert 0.0 < np.abs(measured.q - state.q).max() < 5e-3  # 5 sigma
+    assert 0.0 < np.abs(measured.qdot - state.qdot).max() < 5e-2
 
 
 def test_nonsense_is_refused():
     with pytest.raises(TtError, match="command"):
-        Plant(MODEL).advance(np.full(7, np.nan), TICK)
+        PLANT.advance(START, np.full(7, np.nan), TICK)
     with pytest.raises(TtError, match="time_constant = 0"):
         PlantParams(time_constant=0.0)
