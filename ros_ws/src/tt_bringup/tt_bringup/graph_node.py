@@ -18,8 +18,7 @@ from tt_core.ros.run import run
 from .packages import message_type
 from .record_node import matching_qos
 
-QUIET = 0.7  # s without a change: discovery is over; twice what one node was seen to take on an idle machine
-LONGEST = 5.0  # s to look at a graph that keeps changing, or for a topic
+DISCOVERY = 3.0  # s until all are known: it took up to 2.6 s between two processes of an idle machine
 
 
 def _topics(node: Node) -> dict[str, list[str]]:
@@ -32,12 +31,7 @@ def _graph() -> Iterator[Node]:
     rclpy.init(args=[])
     node = rclpy.create_node("ros2_graph", enable_rosout=False, start_parameter_services=False)
     try:
-        seen, end, quiet = None, time.monotonic() + LONGEST, 0.0
-        while time.monotonic() < min(end, quiet or end):
-            now = (node.get_node_names_and_namespaces(), node.get_topic_names_and_types())
-            if now != seen:
-                seen, quiet = now, time.monotonic() + QUIET
-            time.sleep(0.05)
+        time.sleep(DISCOVERY)
         yield node
     finally:
         rclpy.try_shutdown()
@@ -70,7 +64,7 @@ class _Listener(Node):
 
     def __init__(self, name: str, on_message: Callable[[Any], None], *, raw: bool = False) -> None:
         super().__init__("ros2_listener", enable_rosout=False, start_parameter_services=False)
-        topic, end = self.resolve_topic_name(name), time.monotonic() + LONGEST
+        topic, end = self.resolve_topic_name(name), time.monotonic() + 2 * DISCOVERY
         while not (offered := self.get_publishers_info_by_topic(topic)):
             if time.monotonic() > end:
                 raise TtError(f"nobody publishes {topic}; there is {', '.join(_topics(self))}")
@@ -83,6 +77,8 @@ def echo(topic: str, once: bool = False) -> None:
     """Prints the messages of `topic` as YAML documents until it is interrupted, or only one."""
 
     def tell(message: Any) -> None:
+        if not rclpy.ok():
+            return
         print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=140), end="---\n", flush=True)
         if once:
             rclpy.try_shutdown()
@@ -96,8 +92,8 @@ def rate(topic: str, window: int) -> None:
 
     def tell() -> None:
         gaps = [b - a for a, b in itertools.pairwise(times)]
-        if not gaps:
-            print("no messages", flush=True)
+        if not gaps or time.monotonic() - times[-1] > 1.0:
+            print("no new messages", flush=True)
             return
         mean = sum(gaps) / len(gaps)
         print(f"average rate: {1.0 / mean:.3f}\n\tmin: {min(gaps):.6f}s max: {max(gaps):.6f}s window: {len(gaps)}", flush=True)
