@@ -11,6 +11,9 @@ from tt_core.flight import Aerodynamics, fly
 from tt_core.states import BallState, ReturnGoal
 
 
+SEEN_WITHIN = 0.5  # s from the launch to the last frame of its measurement
+
+
 @dataclass(frozen=True)
 class Score:
     """Of one ball; what did not happen is None. Spins: rad/s. hit_place: m, the ball's centre at the racket."""
@@ -55,6 +58,8 @@ def score(
     """told: what the simulator tells on /diagnostics of a ball that is over. refusal: the last complaint of the robot about it."""
     launched, hit, after, landing = (_ball(told[key]) for key in ("launched", "hit", "after_hit", "landing"))
     assert launched is not None
+    if measured and not launched.time < measured.time < launched.time + SEEN_WITHIN:
+        measured = None  # of an earlier ball
     true = None
     if measured:
         true = BallState.from_vector(measured.time, fly(launched.vector, measured.time - launched.time, air.coefficients))

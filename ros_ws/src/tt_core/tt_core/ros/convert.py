@@ -166,10 +166,9 @@ def racket_to_message(time: float, position: Array, rotation: Array, velocity: A
     return message
 
 
-def camera_to_message(width: int, height: int, matrix: Array, distortion: Array, frame: str, time: float = 0.0) -> CameraInfo:
-    """matrix: (3, 3) K in pixels. distortion: (n,) OpenCV order, n <= 5, filled with zeros. frame: e.g. left_optical."""
-    d = np.zeros(5)
-    d[: len(distortion)] = distortion
+def camera_to_message(width: int, height: int, matrix: Array, distortion: Array | None, frame: str, time: float = 0.0) -> CameraInfo:
+    """matrix: (3, 3) K in pixels. distortion: (5,) in the order of OpenCV, or None. frame: e.g. left_optical."""
+    d = np.zeros(5) if distortion is None else distortion
     message = CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=d.tolist(), k=matrix.ravel())
     message.r, message.p = np.eye(3).ravel(), np.column_stack([matrix, np.zeros(3)]).ravel()
     message.header.stamp, message.header.frame_id = stamp(time), frame
