@@ -1,0 +1,43 @@
+"""The node is wired: a state in, its path out, nonsense survived."""
+
+import pytest
+from nav_msgs.msg import Odometry
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from tt_core.physics import Physics
+from tt_core.ros.convert import ball_to_message, path_from_message
+from tt_core.ros.qos import RELIABLE
+from tt_core.states import BallState
+from tt_predict.rollout import StopRule, rollout
+
+BALL = BallState(100.0, [2.6, 0.76, 0.3], [-6.2, 0.1, 1.0], [20, -360, 30])
+
+
+def test_a_state_in_is_its_path_out(start, probe, until):
+    start("tt_predict.predict_node", "--ros-args", "-p", "until_x:=-0.2", "-r", "/ball/state:=/ball/measured", "-p", "air.drag:=0.4")
+    got = []
+    probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
+    out = probe.create_publisher(Odometry, "/ball/measured", RELIABLE)
+    until(lambda: out.get_subscription_count() == 1 and probe.count_publishers("/ball/path") == 1, probe)
+
+    out.publish(Odometry())  # no frame: refused, survived
+    out.publish(ball_to_message(BALL))
+    until(lambda: got, probe)
+    physics = Physics(air=type(Physics.liu().air)(drag=0.4))
+    path, wanted = path_from_message(got[0]), rollout(BALL, physics, StopRule.at_x(-0.2))
+    assert len(path.bounces) == 1
+    # 1e-6: a stamp holds whole nanoseconds, in which the ball flies 6e-9 m
+    assert path.end.vector == pytest.approx(wanted.end.vector, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        ("air.drag:=3.0", "drag = 3 is outside [0, 2]"),
+        ("physics:=newton", "is none of 'liu', 'measured'"),
+        ("until_x:=far", "not of type float"),
+    ],
+)
+def test_a_bad_parameter_ends_it_with_the_reason(start, parameter, words):
+    node = start("tt_predict.predict_node", "--ros-args", "-p", parameter)
+    assert node.wait(timeout=30) == 2
+    assert words in node.stderr.read()

@@ -1,0 +1,59 @@
+"""The node is wired: a launch becomes images at their stamps, the arm obeys, the truth is told."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from tt_core.ros.convert import ball_from_message, image_from_message, seconds
+from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
+from tt_core.ros.status import read_status
+
+
+def test_a_launch_becomes_images_and_its_end_is_told(start, probe, until):
+    start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['back 4']")
+    images, infos, truth, told = [], [], [], []
+    for side in ("left", "right"):
+        probe.create_subscription(Image, f"/camera/{side}/image_raw", images.append, SENSOR)
+        probe.create_subscription(CameraInfo, f"/camera/{side}/camera_info", infos.append, LATCHED)
+    probe.create_subscription(Odometry, "/sim/ball", truth.append, TRUTH)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    client = probe.create_client(Trigger, "/launcher/launch")
+    until(client.service_is_ready, probe)
+    until(lambda: len(infos) == 2 and probe.count_publishers("/sim/ball") == 1, probe)
+
+    first, second = client.call_async(Trigger.Request()), client.call_async(Trigger.Request())
+    until(lambda: first.done() and second.done(), probe)
+    assert (first.result().success, first.result().message) == (True, "back 4")
+    assert not second.result().success and "not over" in second.result().message
+
+    until(lambda: any(text == "ball over" for m in told for _, _, text, _ in read_status(m)), probe)
+    frames = sorted({seconds(m.header.stamp) for m in images})
+    assert len(frames) > 15
+    assert np.diff(frames) == pytest.approx(1 / 900, abs=1e-6)  # s; nothing was lost either
+    assert image_from_message(images[len(images) // 2]).shape == (232, 232)
+    balls = [ball_from_message(m) for m in truth]
+    contacts = [a for a, b in pairwise(balls) if a.time == b.time]
+    assert contacts[0].position[2] == pytest.approx(0.02, abs=1e-9)  # m, the bounce
+
+
+def test_the_arm_does_what_it_is_told(start, probe, until):
+    start("tt_sim.sim_node")
+    states = []
+    probe.create_subscription(JointState, "/joint_states", states.append, RELIABLE)
+    out = probe.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
+    until(lambda: out.get_subscription_count() == 1 and states, probe)
+    out.publish(Float64MultiArray(data=[1.0, 2.0]))  # too few: refused, survived
+    until(lambda: abs(states[-1].velocity[6] - 0.5) < 1e-3 or out.publish(Float64MultiArray(data=[0.0] * 6 + [0.5])), probe)
+    assert states[-1].velocity[:6] == pytest.approx([0.0] * 6, abs=1e-6)
+
+
+def test_bad_parameters_end_it_with_the_reason(start):
+    for parameter, words in (("shots:=['smash 3']", "kind 'smash' is none of"), ("rtf:=0.0", "rtf = 0 is outside [0.01, 10]")):
+        node = start("tt_sim.sim_node", "--ros-args", "-p", parameter)
+        assert node.wait(timeout=30) == 2
+        assert words in node.stderr.read()
