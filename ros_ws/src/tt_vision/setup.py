@@ -11,5 +11,10 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": []},
+    entry_points={
+        "console_scripts": [
+            "camera_node = tt_vision.camera_node:main",
+            "estimate_node = tt_vision.estimate_node:main",
+        ],
+    },
 )

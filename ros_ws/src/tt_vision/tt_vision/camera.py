@@ -73,6 +73,15 @@ class Camera:
         rotation = np.array([x, np.cross(z, x), z])
         return cls(rotation, -rotation @ position, focal_length, pixel_size, width, height)
 
+    @classmethod
+    def from_matrix(
+        cls, rotation: Array, translation: Array, matrix: Array, width: int, height: int, distortion: Array | None, pixel_size: float
+    ) -> Camera:
+        """From K (3, 3) in pixels, whose two focal lengths must agree: pixels are square. pixel_size: m, only scales focal_length."""
+        fx, fy = matrix[0, 0], matrix[1, 1]
+        check_range("fx / fy", fx / fy if fy else math.inf, 0.99, 1.01)
+        return cls(rotation, translation, 0.5 * (fx + fy) * pixel_size, pixel_size, width, height, matrix[:2, 2], distortion)
+
     @property
     def position(self) -> Array:
         """(3,) m, the pinhole in `table`."""

@@ -13,6 +13,7 @@ EXPOSURE = 200e-6  # s; not printed in the dissertation; spin stays sharp up to 
 VIEW_CENTRE = (2.52, 0.7625, 0.295)  # m, just after the launcher at (2.62, 0.7625, 0.27)
 DISTANCE = 1.0  # m from the view centre: the ball is 70 pixels wide
 APART = math.radians(45.0)  # between the two lines of sight
+PIXEL_SIZE = 20e-6  # m, dissertation Table A.6
 ABOVE = math.radians(20.0)  # elevation of the plane of the two lines of sight
 
 
@@ -25,7 +26,7 @@ def high_speed_pair() -> tuple[Camera, Camera]:
             np.array(VIEW_CENTRE) + DISTANCE * (middle + side * aside),
             VIEW_CENTRE,
             focal_length=35e-3,  # m, dissertation Table A.4
-            pixel_size=20e-6,  # m, dissertation Table A.6
+            pixel_size=PIXEL_SIZE,
             width=232,  # dissertation Section 2.1
             height=232,
         )

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from ..errors import BadMessage, BadShape
+from ..errors import BadMessage, BadShape, check_array
 from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
 
 UNKNOWN = 1e6  # variance of what is not known
@@ -173,6 +173,13 @@ def camera_to_message(width: int, height: int, matrix: Array, distortion: Array 
     message.r, message.p = np.eye(3).ravel(), np.column_stack([matrix, np.zeros(3)]).ravel()
     message.header.stamp, message.header.frame_id = stamp(time), frame
     return message
+
+
+def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
+    """(width, height, (3, 3) K in pixels, (5,) distortion in OpenCV order)."""
+    if message.distortion_model not in ("", "plumb_bob") or len(message.d) > 5:
+        raise BadMessage(f"distortion model {message.distortion_model!r} with {len(message.d)} numbers is not plumb_bob")
+    return message.width, message.height, check_array("k", np.reshape(message.k, (3, 3)), (3, 3)), np.resize([*message.d, *[0.0] * 5], 5)
 
 
 _ENCODINGS: dict[str, np.dtype] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype("<u2")}

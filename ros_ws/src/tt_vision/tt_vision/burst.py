@@ -1,0 +1,114 @@
+"""From two streams of images to one burst for each ball: pairs by stamp, the whole ball in both, survives whatever a network does."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from tt_core.errors import check_range
+from tt_core.states import Array
+
+from .centre import Image, find_ball
+from .measure import LEAST_FRAMES, MOST_FRAMES
+
+WHOLE_AGAIN = 1.0  # s that stamps may jump back before it is taken as a new recording
+
+
+@dataclass(frozen=True)
+class BurstParams:
+    """How a burst is put together."""
+
+    frames: int = 6  # pairs that make a burst; the dissertation uses 6
+    gap: float = 0.05  # s without a ball after which the next one is new
+    pairing: float = 2e-4  # s between the stamps of two images taken together; frames are 1.1e-3 s apart
+
+    def __post_init__(self) -> None:
+        check_range("frames", self.frames, LEAST_FRAMES, MOST_FRAMES)
+        check_range("gap", self.gap, 1e-3, 10.0)
+        check_range("pairing", self.pairing, 0.0, 0.1)
+
+
+@dataclass(frozen=True, eq=False)
+class Burst:
+    """left, right: (k, h, w). times: (k,) s, rising."""
+
+    left: np.ndarray
+    right: np.ndarray
+    times: Array
+
+
+@dataclass
+class Counts:
+    """Images that did not make it, since the start. spare: after the burst of their ball was complete."""
+
+    unpaired: int = 0
+    duplicate: int = 0
+    late: int = 0
+    not_whole: int = 0
+    spare: int = 0
+
+
+@dataclass
+class Assembler:
+    """Takes images in any order; hands out a burst as soon as one is complete, or when its ball leaves with LEAST_FRAMES seen."""
+
+    params: BurstParams = field(default_factory=BurstParams)
+    counts: Counts = field(default_factory=Counts)
+    _waiting: tuple[deque[tuple[float, Image | None]], ...] = field(default_factory=lambda: (deque(), deque()))
+    _pairs: list[tuple[float, Image, Image]] = field(default_factory=list)
+    _last: float = -np.inf  # newest stamp that showed a ball
+    _done: bool = False  # the present ball has had its burst
+
+    def add(self, side: int, time: float, image: Image) -> Burst | None:
+        """side: 0 left, 1 right. time: s, middle of the exposure. image: (h, w) uint8 or uint16. Raises TtError for another kind."""
+        reason = find_ball(image).reason
+        leaving = reason is not None and reason.startswith("ball")
+        if time < self._last - WHOLE_AGAIN:
+            self._renew()
+            self._last = -np.inf
+        if reason is None or leaving:
+            if time < self._last - self.params.gap:
+                self.counts.late += 1
+                return None
+            if time > self._last + self.params.gap:
+                self._renew()
+            self._last = max(self._last, time)
+        mine, other = self._waiting[side], self._waiting[1 - side]
+        if any(abs(time - at) <= self.params.pairing for at, _ in mine) or any(
+            abs(time - at) <= self.params.pairing for at, *_ in self._pairs
+        ):
+            self.counts.duplicate += 1
+            return None
+        for entry in other:
+            if abs(entry[0] - time) <= self.params.pairing:
+                other.remove(entry)
+                return self._pair(side, min(time, entry[0]), image if reason is None else None, entry[1], leaving)
+        mine.append((time, image if reason is None else None))
+        for queue in self._waiting:
+            while queue and queue[0][0] < time - self.params.gap:
+                self.counts.unpaired += queue.popleft()[1] is not None
+        return None
+
+    def _pair(self, side: int, time: float, image: Image | None, partner: Image | None, leaving: bool) -> Burst | None:
+        if image is None or partner is None:
+            self.counts.not_whole += leaving or image is not partner
+            enough = len(self._pairs) >= LEAST_FRAMES and all(time > at for at, *_ in self._pairs)
+            return self._burst() if leaving and enough and not self._done else None
+        if self._done:
+            self.counts.spare += 1
+            return None
+        self._pairs.append((time, image, partner) if side == 0 else (time, partner, image))
+        return self._burst() if len(self._pairs) >= self.params.frames else None
+
+    def _burst(self) -> Burst:
+        self._pairs.sort(key=lambda pair: pair[0])
+        times, left, right = zip(*self._pairs, strict=True)
+        self._pairs, self._done = [], True
+        return Burst(np.array(left), np.array(right), np.array(times))
+
+    def _renew(self) -> None:
+        for queue in self._waiting:
+            self.counts.unpaired += sum(image is not None for _, image in queue)
+            queue.clear()
+        self._pairs, self._done = [], False

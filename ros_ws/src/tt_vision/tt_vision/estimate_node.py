@@ -1,0 +1,106 @@
+"""Publishes where each ball is, how fast and with what spin, once, from the images of the two high speed cameras."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+from typing import Any
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image
+from tt_core.constants import RPM
+from tt_core.errors import TtError
+from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, seconds
+from tt_core.ros.params import declare, parameter
+from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
+from tt_core.ros.run import run
+from tt_core.ros.status import Status
+
+from .burst import Assembler, Burst, BurstParams
+from .camera import Camera
+from .measure import measure, warm
+from .rig import PIXEL_SIZE, high_speed_pair
+
+SIDES = ("left", "right")
+
+
+class EstimateNode(Node):
+    """/camera/{left,right}/image_raw and camera_info -> /ball/measured.
+
+    The poses of the cameras are the parameters {left,right}.rotation (9 numbers, by rows) and {left,right}.translation (m), (2.3).
+    """
+
+    def __init__(self) -> None:
+        super().__init__("estimate")
+        self.assembler = Assembler(declare(self, BurstParams))
+        rig = high_speed_pair()
+        self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
+        self.cameras: list[Camera | None] = [None, None]
+        self.measured, self.refused = 0, 0
+        warm(rig)
+        self.status = Status(self)
+        self.balls = self.create_publisher(Odometry, "/ball/measured", RELIABLE)
+        for side, name in enumerate(SIDES):
+            self.create_subscription(CameraInfo, f"/camera/{name}/camera_info", partial(self.on_info, side), LATCHED)
+            self.create_subscription(Image, f"/camera/{name}/image_raw", partial(self.on_image, side), SENSOR)
+
+    def _pose(self, name: str, camera: Camera) -> Camera:
+        rotation = parameter(self, f"{name}.rotation", camera.rotation.ravel().tolist())
+        translation = parameter(self, f"{name}.translation", camera.translation.tolist())
+        if len(rotation) != 9 or len(translation) != 3:
+            raise TtError(f"parameters {name}.rotation and {name}.translation need 9 and 3 numbers, got {rotation} and {translation}")
+        return dataclasses.replace(camera, rotation=np.reshape(rotation, (3, 3)), translation=translation)
+
+    def on_info(self, side: int, message: CameraInfo) -> None:
+        try:
+            width, height, matrix, distortion = camera_from_message(message)
+            self.cameras[side] = Camera.from_matrix(
+                self.poses[side].rotation, self.poses[side].translation, matrix, width, height, distortion, PIXEL_SIZE
+            )
+        except TtError as error:
+            self.status.tell(f"camera_info of {SIDES[side]} refused: {error}", warn=True)
+
+    def on_image(self, side: int, message: Image) -> None:
+        try:
+            burst = self.assembler.add(side, seconds(message.header.stamp), image_from_message(message))
+        except TtError as error:
+            self.status.tell(f"image of {SIDES[side]} refused: {error}", warn=True)
+            return
+        if burst is not None:
+            self.on_burst(burst)
+
+    def on_burst(self, burst: Burst) -> None:
+        last = float(burst.times[-1])
+        cameras = [camera for camera in self.cameras if camera is not None]
+        if len(cameras) < len(SIDES):
+            self._refuse("no camera_info yet", last)
+            return
+        try:
+            result = measure(burst.left, burst.right, burst.times, cameras)
+        except TtError as error:
+            self._refuse(str(error), last)
+            return
+        if result.ball is None:
+            self._refuse(result.reason or "", last, residual=f"{result.residual:.3f}")
+            return
+        self.balls.publish(ball_to_message(result.ball))
+        self.measured += 1
+        spin_rpm = np.round(result.ball.spin / RPM).astype(int).tolist()
+        self.status.tell("measured", stamp=last, **self._counts(), spin_rpm=spin_rpm, residual=f"{result.residual:.3f}", frames=result.used)
+
+    def _refuse(self, reason: str, stamp: float, **values: Any) -> None:
+        self.refused += 1
+        self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, **self._counts(), **values)
+
+    def _counts(self) -> dict[str, Any]:
+        return {"measured": self.measured, "refused": self.refused, **dataclasses.asdict(self.assembler.counts)}
+
+
+def main() -> None:
+    run(EstimateNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""One burst for each ball, whatever the network does to the images."""
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tt_core.errors import OutOfRange, TtError
+from tt_vision.burst import Assembler, BurstParams
+
+DARK = np.full((232, 232), 8, np.uint8)
+
+
+@pytest.fixture(scope="module")
+def stream(film):
+    """(side, time, image) of nine whole frames, as two cameras send them."""
+    shot = film(3, count=9, velocity=[-5.0, 0.0, 0.5])
+    return [(side, t, shot.frames[side, k]) for k, t in enumerate(shot.times) for side in (0, 1)]
+
+
+def feed(assembler, images):
+    return [burst for side, time, image in images if (burst := assembler.add(side, time, image))]
+
+
+def moved(stream, by):
+    return [(side, time + by, image) for side, time, image in stream]
+
+
+def test_a_burst_is_ready_with_its_last_image_and_comes_once(stream):
+    assembler = Assembler(BurstParams(frames=6))
+    assert feed(assembler, stream[:11]) == []
+    (burst,) = feed(assembler, stream[11:])
+    assert burst.left.shape == burst.right.shape == (6, 232, 232)
+    assert burst.times == pytest.approx([t for side, t, _ in stream[:12] if side == 0])
+    assert assembler.counts.spare == 3
+
+
+def test_a_gap_starts_a_new_ball(stream):
+    bursts = feed(Assembler(), stream + moved(stream, 0.2))
+    assert [b.times[0] for b in bursts] == pytest.approx([stream[0][1], stream[0][1] + 0.2])
+
+
+@given(seed=st.integers(0, 1000), lost=st.sets(st.integers(0, 17), max_size=3))
+def test_lost_doubled_and_shuffled_images_are_survived(stream, seed, lost):
+    rng = random.Random(seed)
+    images = [image for i, image in enumerate(stream) if i not in lost]
+    images += rng.sample(images, 3)
+    images = [image for _, image in sorted(zip(itertools.count(), images, strict=False), key=lambda e: e[0] + rng.uniform(0.0, 6.0))]
+    bursts = feed(Assembler(), images)
+    assert len(bursts) == 1
+    assert (np.diff(bursts[0].times) > 0.0).all()
+    of = {(side, time): image for side, time, image in stream}
+    for t, left, right in zip(bursts[0].times, bursts[0].left, bursts[0].right, strict=True):
+        assert (left == of[0, t]).all() and (right == of[1, t]).all()
+
+
+def test_duplicates_and_unpaired_images_are_counted(stream):
+    assembler = Assembler()
+    feed(assembler, [stream[0], stream[0], *stream[3:]])
+    feed(assembler, moved(stream[:1], 0.5))
+    assert (assembler.counts.duplicate, assembler.counts.unpaired) == (1, 2)
+
+
+def test_a_ball_that_leaves_early_still_has_its_burst(stream):
+    partial = np.zeros_like(DARK)
+    partial[100:160, :30] = 200
+    left = [(side, stream[8][1] + 0.0, partial) for side in (0, 1)]
+    (burst,) = feed(Assembler(), [*stream[:8], *left])
+    assert len(burst.times) == 4
+
+
+def test_dark_frames_between_balls_make_nothing(stream):
+    assembler = Assembler()
+    dark = [(side, stream[-1][1] + 0.001 * k, DARK) for k in range(1, 200) for side in (0, 1)]
+    assert len(feed(assembler, stream + dark + moved(stream, 0.3))) == 2
+    assert (assembler.counts.not_whole, assembler.counts.unpaired) == (0, 0)
+
+
+def test_a_recording_that_starts_again_is_a_new_ball(stream):
+    assert len(feed(Assembler(), moved(stream, 100.0) + stream)) == 2
+
+
+def test_an_image_from_long_ago_is_late(stream):
+    assembler = Assembler()
+    feed(assembler, moved(stream, 0.3) + stream[:2])
+    assert assembler.counts.late == 2
+
+
+def test_bad_values_name_themselves():
+    with pytest.raises(OutOfRange, match="frames = 2 is outside"):
+        BurstParams(frames=2)
+    with pytest.raises(TtError, match="float64"):
+        Assembler().add(0, 0.0, np.zeros((232, 232)))
