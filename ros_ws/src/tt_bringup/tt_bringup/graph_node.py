@@ -1,4 +1,4 @@
-"""Looks at the graph: who is there, what flows."""
+"""Looks at the graph: who is there, what flows. Names that begin with _ are hidden, as are those of the looking nodes."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ DISCOVERY = 3.0  # s until all are known: it took up to 2.6 s between two proces
 
 
 def _topics(node: Node) -> dict[str, list[str]]:
-    return {name: list(types) for name, types in sorted(node.get_topic_names_and_types())}
+    return {name: list(types) for name, types in sorted(node.get_topic_names_and_types()) if "/_" not in name}
 
 
 @contextmanager
 def _graph() -> Iterator[Node]:
     """A node that has discovered the others."""
     rclpy.init(args=[])
-    node = rclpy.create_node("ros2_graph", enable_rosout=False, start_parameter_services=False)
+    node = rclpy.create_node("_ros2_graph", enable_rosout=False, start_parameter_services=False)
     try:
         time.sleep(DISCOVERY)
         yield node
@@ -44,8 +44,9 @@ def topics() -> dict[str, list[str]]:
 
 
 def nodes() -> list[str]:
+    """The full name of each node."""
     with _graph() as node:
-        return sorted(name for name in node.get_fully_qualified_node_names() if name != node.get_fully_qualified_name())
+        return sorted(name for name in node.get_fully_qualified_node_names() if "/_" not in name)
 
 
 def plain(value: Any) -> Any:
@@ -63,7 +64,7 @@ class _Listener(Node):
     """Gives the messages of the one topic `name` to `on_message`; raises TtError if nobody publishes it."""
 
     def __init__(self, name: str, on_message: Callable[[Any], None], *, raw: bool = False) -> None:
-        super().__init__("ros2_listener", enable_rosout=False, start_parameter_services=False)
+        super().__init__("_ros2_listener", enable_rosout=False, start_parameter_services=False)
         topic, end = self.resolve_topic_name(name), time.monotonic() + 2 * DISCOVERY
         while not (offered := self.get_publishers_info_by_topic(topic)):
             if time.monotonic() > end:

@@ -27,7 +27,7 @@ from tt_core.errors import TtError
 from . import packages
 
 PATIENCE = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
-STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # the ends that are no failure
+STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # exit codes that are no failure
 
 _SHARED = {"name", "if", "unless", "on_exit", "output"}
 _KEYS = {
@@ -171,7 +171,7 @@ class System:
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
         self._events: queue.SimpleQueue[subprocess.Popen[str] | None] = queue.SimpleQueue()  # who ended; None: interrupted
-        self._over = False
+        self._over = self._stopping = False
 
     def _start(self, process: Process) -> None:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
@@ -210,7 +210,8 @@ class System:
             return False
         process = self._running.pop(child)
         self._signal(child, signal.SIGKILL)  # what it may have left in its group
-        if child.returncode not in STOPPED:
+        interrupted = self._stopping and child.returncode > 0  # an interpreter that is still starting answers SIGINT with 1
+        if child.returncode not in STOPPED and not interrupted:
             self.failed[process.name] = child.returncode
         self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
         self._over = self._over or process.required
@@ -231,6 +232,7 @@ class System:
 
     def stop(self) -> None:
         """Asks all to end, then insists."""
+        self._stopping = True
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             for child, process in self._running.items():
                 if number is not signal.SIGINT:

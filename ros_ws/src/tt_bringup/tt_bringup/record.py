@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import queue
 import shutil
+import struct
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Schema
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import MCAP0_MAGIC as MAGIC
 from rich.table import Table
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
@@ -68,8 +72,8 @@ class Recording:
         self._first, self._last = 0, 0
         self._queue: queue.SimpleQueue[_Topic | _Sample | None] = queue.SimpleQueue()
         self._failure: Exception | None = None
-        self._writer = Writer(self.directory, version=9, storage_plugin=StoragePlugin.MCAP)
         try:
+            self._writer = Writer(self.directory, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
         except (WriterError, OSError) as error:
             raise BagError(f"cannot record to {directory}: {error}") from error
@@ -161,17 +165,26 @@ def reindex(directory: Path) -> Summary:
     return Summary(directory, summary.counts, summary.duration)
 
 
+def _whole_chunks(file: Path) -> Iterator[Chunk]:
+    """The chunks that are whole, in the order of the file (https://mcap.dev/spec: opcode, length, content)."""
+    size, position = file.stat().st_size, len(MAGIC)
+    with file.open("rb") as stream:
+        while position + 9 <= size:
+            stream.seek(position)
+            opcode, length = struct.unpack("<BQ", stream.read(9))
+            position += 9 + length
+            if opcode == Opcode.CHUNK and position <= size:
+                yield Chunk.read(ReadDataStream(stream))
+
+
 def _copy(file: Path, recording: Recording) -> None:
     schemas: dict[int, Schema] = {}
     topics: dict[int, str] = {}
-    with file.open("rb") as stream, suppress(McapError):  # raised where the file is cut
-        for record in StreamReader(stream).records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel) and record.id not in topics:
-                topics[record.id] = record.topic
-                recording.add_topic(
-                    record.topic, schemas[record.schema_id].name, parse_qos(record.metadata.get("offered_qos_profiles", ""))
-                )
-            elif isinstance(record, Message):
-                recording.add(topics[record.channel_id], record.log_time, record.data)
+    for record in itertools.chain.from_iterable(map(breakup_chunk, _whole_chunks(file))):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel) and record.id not in topics:
+            topics[record.id], offered = record.topic, parse_qos(record.metadata.get("offered_qos_profiles", ""))
+            recording.add_topic(record.topic, schemas[record.schema_id].name, offered)
+        elif isinstance(record, Message):
+            recording.add(topics[record.channel_id], record.log_time, record.data)

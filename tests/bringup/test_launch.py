@@ -1,0 +1,173 @@
+"""Launch files: read as the ROS 2 frontend reads them, refused with the reason, and kept together while they run."""
+
+import ast
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from tt_bringup import packages
+from tt_bringup.launch import LaunchError, Process, System, arguments, processes, read, substitute
+
+SOURCES = Path(__file__).parents[2] / "ros_ws" / "src"
+LAUNCH_FILES = sorted((SOURCES / "tt_bringup" / "launch").glob("*.launch.yaml"))
+NODE = """
+launch:
+  - arg: {name: speed, default: "1.0"}
+  - arg: {name: spare, default: "false"}
+  - node:
+      pkg: some_package
+      exec: some_node
+      name: left
+      namespace: arm
+      args: "--file 'a b' $(var speed)"
+      param:
+        - {name: speed, value: $(var speed)}
+        - {name: limits, value: [1.0, 2.5]}
+        - {from: $(dirname)/more.yaml}
+      remap:
+        - {from: /in, to: /out}
+  - node: {pkg: some_package, exec: some_node, name: spare, if: $(var spare)}
+"""
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    """file(text) is the path of a launch file; its packages are all installed in /opt."""
+    monkeypatch.setattr(packages, "executable", lambda package, name: Path("/opt", package, name))
+
+    def file(text):
+        path = tmp_path / "test.launch.yaml"
+        path.write_text(text)
+        return path
+
+    return file
+
+
+def test_a_node_becomes_a_command_with_ros_arguments(file, tmp_path):
+    (node,) = processes(file(NODE), {"speed": "2.5"})
+    ours, ros = node.command[: node.command.index("--ros-args")], node.command[node.command.index("--ros-args") + 1 :]
+    assert node.name == "left" and not node.required
+    assert ours == ("/opt/some_package/some_node", "--file", "a b", "2.5")
+    assert set(zip(ros[::2], ros[1::2], strict=True)) == {
+        ("-r", "__node:=left"),
+        ("-r", "__ns:=/arm"),
+        ("-r", "/in:=/out"),
+        ("-p", "speed:=2.5"),
+        ("-p", "limits:=[1.0, 2.5]"),
+        ("--params-file", f"{tmp_path}/more.yaml"),
+    }
+
+
+def test_a_condition_decides(file):
+    assert [node.name for node in processes(file(NODE), {"spare": "true"})] == ["left", "spare"]
+    with pytest.raises(LaunchError, match="'maybe', neither true nor false"):
+        processes(file(NODE), {"spare": "maybe"})
+
+
+def test_substitutions(monkeypatch, tmp_path):
+    monkeypatch.setenv("TT_KNOWN", "here")
+    assert substitute("$(var a)-$(env TT_KNOWN)-$(env TT_UNKNOWN else)", {"a": "1"}) == "1-here-else"
+    for bad in ("$(var b)", "$(env TT_UNKNOWN)", "$(eval 1)", "$(var $(var a))", "$(var a"):
+        with pytest.raises(LaunchError):
+            substitute(bad, {"a": "1"})
+    assert substitute("$(var a)", {"a": "$(var a)"}) == "$(var a)"  # a value is no program
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        ("launch: [{group: []}]", "'group' is none of arg, node, executable"),
+        ("launch: [{node: {pkg: a, exec: b, respwan: true}}]", "node has no respwan; it has"),
+        ("launch: [{arg: {name: a, default: 1.0}}]", "default of a must be a quoted string, got 1.0"),
+        ("launch: [{arg: {name: a, description: why}}]", r"needs a:= \(why\)"),
+        ("launch: [{executable: {cmd: ls, on_exit: respawn}}]", "on_exit can only be shutdown"),
+        ("nodes: []", "is no launch file"),
+        ("launch: [", "is no launch file"),
+    ],
+)
+def test_a_bad_file_says_what_is_wrong(file, text, reason):
+    with pytest.raises(LaunchError, match=reason):
+        processes(file(text))
+
+
+def test_an_unknown_argument_names_the_known_ones(file):
+    with pytest.raises(LaunchError, match="has no argument sped; it has speed, spare"):
+        processes(file(NODE), {"sped": "1"})
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_our_nodes_exist(path):
+    """Every node is an entry point of its package, and every argument is told and used."""
+    for kind, keys in read(path):
+        if kind == "node":
+            setup = (SOURCES / keys["pkg"] / "setup.py").read_text()
+            scripts = {node.value.split("=")[0].strip() for node in ast.walk(ast.parse(setup)) if _is_entry_point(node)}
+            if not scripts:
+                pytest.skip(f"{keys['pkg']} has no node yet")
+            assert keys["exec"] in scripts
+    for argument in arguments(path):
+        assert argument.description
+        assert f"$(var {argument.name})" in path.read_text()
+
+
+def _is_entry_point(node):
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and "=" in node.value and ":" in node.value
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_our_files_are_what_the_frontend_of_ros_takes(path):
+    """It wants strings for all attributes but the values of parameters (launch_yaml 3.4)."""
+    for entry in yaml.safe_load(path.read_text())["launch"]:
+        for key, value in next(iter(entry.values())).items():
+            assert isinstance(value, str) or key in ("param", "remap"), f"{key}: {value!r}"
+
+
+def python(text):
+    return (sys.executable, "-c", text)
+
+
+def group_is_gone(pid):
+    try:
+        os.killpg(pid, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def test_the_end_of_a_required_process_is_the_end_of_all():
+    told = []
+    endless = python("import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(600)'])")
+    with System([Process("one", python("print('hello')"), required=True), Process("two", endless)], told.append) as system:
+        assert system.wait(timeout=20.0)
+    assert "[one] hello" in told and not system.failed
+    started = [int(line.split()[-1]) for line in told if "started" in line]
+    assert len(started) == 2 and all(group_is_gone(pid) for pid in started)
+
+
+def test_a_failure_is_remembered_and_the_others_go_on():
+    told = []
+    with System([Process("bad", python("raise SystemExit(3)")), Process("good", python("input()"))], told.append) as system:
+        assert system.wait(timeout=20.0)
+    assert system.failed == {"bad": 3, "good": 1}  # its standard input is empty
+
+
+def test_who_does_not_listen_is_killed(monkeypatch):
+    monkeypatch.setattr("tt_bringup.launch.PATIENCE", 0.5)
+    deaf = "import signal, time\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\nprint('deaf', flush=True)\ntime.sleep(600)"
+    system = System([Process("deaf", python(deaf))], lambda line: line == "[deaf] deaf" and system.interrupt())
+    with system:
+        assert system.wait(timeout=20.0)
+    assert system.failed == {"deaf": -signal.SIGKILL}
+
+
+def test_what_cannot_start_stops_the_rest():
+    told = []
+    with (
+        pytest.raises(LaunchError, match="two does not start"),
+        System([Process("one", python("import time; time.sleep(600)")), Process("two", ("/no/such/program",))], told.append),
+    ):
+        pass
+    assert group_is_gone(int(told[0].split()[-1]))

@@ -1,0 +1,97 @@
+"""The command line on a running graph."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import rclpy
+from geometry_msgs.msg import Point
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+LAUNCH = """
+launch:
+  - arg: {name: output}
+  - node:
+      pkg: tt_bringup
+      exec: record_node
+      name: witness
+      namespace: court
+      param:
+        - {name: output, value: $(var output)}
+"""
+
+
+@pytest.fixture
+def probe(ros):
+    context = Context()
+    rclpy.init(context=context, domain_id=ros)
+    node = rclpy.create_node("probe", context=context)
+    executor = SingleThreadedExecutor(context=context)  # the node holds it weakly
+    executor.add_node(node)
+    yield node
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.fixture
+def ros2(ros):
+    """ros2(*words) starts the command; its output is read by communicate()."""
+    started = []
+
+    def ros2(*words):
+        command = [sys.executable, "-m", "tt_bringup.ros2", *words]
+        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ))
+        return started[-1]
+
+    yield ros2
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_it_tells_of_nodes_and_topics(ros2, probe, until):
+    output = probe.create_publisher(Point, "/point", 10)
+    probe.create_timer(0.01, lambda: output.publish(Point(x=1.5)))
+    nodes, topics, message = ros2("node", "list"), ros2("topic", "list", "-t"), ros2("topic", "echo", "/point", "--once")
+    rate = ros2("topic", "hz", "/point", "-w", "50")
+    until(lambda: all(process.poll() is not None for process in (nodes, topics, message)), probe)
+    assert nodes.communicate()[0].splitlines() == ["/probe"]
+    assert "/point [geometry_msgs/msg/Point]" in topics.communicate()[0].splitlines()
+    assert message.communicate()[0] == "{x: 1.5, y: 0.0, z: 0.0}\n---\n"
+    until(lambda: output.get_subscription_count() == 1, probe)
+    os.set_blocking(rate.stdout.fileno(), False)
+    lines = []
+    until(lambda: lines.extend(rate.stdout.readlines()) or any("average rate" in line for line in lines), probe)
+    assert float(next(line for line in lines if "average" in line).split()[-1]) == pytest.approx(100.0, rel=0.3)  # of a busy machine
+    rate.send_signal(signal.SIGINT)
+    assert rate.wait(timeout=20) == 0
+
+
+def test_launch_starts_named_nodes_and_leaves_none(ros2, probe, until, tmp_path):
+    file, bag = tmp_path / "test.launch.yaml", tmp_path / "bag"
+    file.write_text(LAUNCH)
+    system = ros2("launch", str(file), f"output:={bag}")
+    until(lambda: ("witness", "/court") in probe.get_node_names_and_namespaces(), probe)
+    system.send_signal(signal.SIGINT)
+    told = system.communicate(timeout=20)[0]
+    assert system.returncode == 0, told
+    assert f"[witness] recording to {bag}" in told
+    assert (bag / "metadata.yaml").is_file()
+    assert not [line for line in Path("/proc").glob("[0-9]*/cmdline") if str(bag) in _text(line)]
+
+
+def _text(path):
+    try:
+        return path.read_text()
+    except OSError:  # it has just ended
+        return ""
+
+
+def test_run_becomes_the_executable(ros2, tmp_path):
+    process = ros2("run", "tt_bringup", "record_node", "--ros-args", "-p", f"output:={tmp_path}")
+    assert "exists already" in process.communicate(timeout=20)[0]
+    assert process.returncode == 2
