@@ -23,7 +23,7 @@ class PredictNode(Node):
     def __init__(self) -> None:
         super().__init__("predict")
         self.physics = declare_physics(self)
-        self.stop = StopRule.at_x(parameter(self, "until_x", -0.4))
+        self.stop = StopRule.at_x(parameter(self, "until_x", -0.5))
         ball = BallState(0.0, np.array([2.6, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.array([0.0, -300.0, 0.0]))
         rollout(ball, self.physics, self.stop)  # loads the kernel
         self.status = Status(self)

@@ -16,7 +16,7 @@ from .stroke import Stroke, solve
 class InterceptParams:
     """The window in which the arm can put the racket, and how many points of the path in it are tried."""
 
-    x_low: float = -0.30  # m, dissertation Section 4.5.1
+    x_low: float = -0.40  # m, a little more than dissertation Section 4.5.1: a later strike is one that the arm has time for
     x_high: float = 0.0  # m, dissertation Section 4.5.1
     y_low: float = 0.25  # m, where the arm reaches everything from its base
     y_high: float = 1.275  # m
