@@ -79,7 +79,7 @@ class ArmControl:
             self._forget()
             return Step(self.guard.stop(joints.time), self.guard.latched)
         begun = None
-        if self.coming is not None and joints.time >= self.coming.start.time:
+        if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
             self.swing, self.coming, begun = self.coming, None, self.coming
         if self.swing is None or late or np.abs(self.swing.sample(joints.time)[0] - joints.q).max() > self.params.lost:
             self._forget()

@@ -92,7 +92,7 @@ def inverse(position: Array, rotation: Array, swivel: float, chain: Chain, q: Ar
     upper, lower = chain.lengths[1], chain.lengths[2]
     distance = math.sqrt(line[0] ** 2 + line[1] ** 2 + line[2] ** 2)
     along = (distance**2 + upper**2 - lower**2) / (2.0 * distance)  # to the foot of the elbow's circle
-    if abs(along) > upper or distance < 1e-6:
+    if abs(along) > upper * (1.0 + 1e-12) or distance < 1e-6:
         return False
     line /= distance
     side = np.array([-line[1], line[0], 0.0])  # horizontal, square to the line
@@ -101,7 +101,7 @@ def inverse(position: Array, rotation: Array, swivel: float, chain: Chain, q: Ar
         side[0], side[1], length = 0.0, 1.0, 1.0
     side /= length
     up = np.array([line[1] * side[2] - line[2] * side[1], line[2] * side[0] - line[0] * side[2], line[0] * side[1] - line[1] * side[0]])
-    radius = math.sqrt(upper**2 - along**2)
+    radius = math.sqrt(max(0.0, upper**2 - along**2))
     elbow = along * line + radius * (math.cos(swivel) * up + math.sin(swivel) * side)
     _aim(arm, elbow / upper, q, 0)
     _aim(arm, (distance * line - elbow) / lower, q, 2)

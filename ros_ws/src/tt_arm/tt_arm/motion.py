@@ -119,12 +119,15 @@ def quintic_holds(time: float, q0: float, v0: float, q1: float, v1: float, speed
 
 @njit(cache=True)
 def evaluate(t: float, knots: Array, coefficients: Array, q: Array, qdot: Array, qddot: Array) -> None:
-    """Fills q, qdot, qddot (7,) at `t`, for knots (7, n), padded with inf, and coefficients (7, n, 6)."""
+    """Fills q, qdot, qddot (7,) at `t`, for knots (7, n), padded with inf, and coefficients (7, n, 6); linear before 0."""
     for i in range(knots.shape[0]):
         n = 0
         while n + 1 < knots.shape[1] and knots[i, n + 1] <= t:
             n += 1
-        h, c = max(0.0, t - knots[i, n]), coefficients[i, n]
+        h, c = t - knots[i, n], coefficients[i, n]
+        if h < 0.0:
+            q[i], qdot[i], qddot[i] = c[0] + h * c[1], c[1], 0.0
+            continue
         q[i] = c[0] + h * (c[1] + h * (c[2] + h * (c[3] + h * (c[4] + h * c[5]))))
         qdot[i] = c[1] + h * (2.0 * c[2] + h * (3.0 * c[3] + h * (4.0 * c[4] + h * 5.0 * c[5])))
         qddot[i] = 2.0 * c[2] + h * (6.0 * c[3] + h * (12.0 * c[4] + h * 20.0 * c[5]))

@@ -105,8 +105,9 @@ def _least_in_plane(columns: Array, inside: npt.NDArray[np.bool_], normal: Array
                 width += abs(_dot(columns, k, direction))
     if width > PARALLEL:
         for k in range(7):
-            if inside[k]:
-                shares[k] = math.copysign(1.0, _dot(columns, k, direction)) * (left @ direction) / width
+            height = _dot(columns, k, direction)
+            if inside[k] and abs(height) > PARALLEL:
+                shares[k] = math.copysign(1.0, height) * (left @ direction) / width
 
 
 @njit(cache=True)
@@ -199,6 +200,6 @@ def allocate(model: ArmModel, q: Array, velocity: Array, *, steady: bool = False
         ratio = least_shares_steady(rows, np.append(velocity, [0.0, 0.0]), shares)
     else:
         ratio = least_shares(rows[:3].copy(), velocity, shares)
-    if math.isinf(ratio):
+    if math.isinf(ratio) or np.abs(rows[:3] @ shares - velocity).max() > 1e-6:
         raise TtError(f"no joint speeds give the racket {velocity} m/s at q = {q}")
     return shares * model.speed_limits

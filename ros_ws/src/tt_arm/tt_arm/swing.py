@@ -1,12 +1,14 @@
 """When each joint moves: from where it is, through the strike at its instant, slowing down, and back to waiting, as one path.
 
-The loop is that of dissertation Figure 1.9. Each leg takes one time for all joints. A joint follows the fifth degree polynomial where that
-keeps the limits, else the mixed envelopes of `motion`, which reach all that the limits allow.
+The loop is that of dissertation Figure 1.9: approach, strike, slow down to rest, return. Each leg takes one time for all joints; a joint
+follows the fifth degree polynomial where that keeps the limits, else the mixed envelopes of `motion`, which reach all that the limits
+allow.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,11 +21,13 @@ from .model import ArmModel
 from .motion import evaluate, least_time, possible, quintic, quintic_holds, trapezoid
 from .reach import Reach
 
-PIECES = 14  # per joint: hold, two legs of five at most, rest
+PIECES = 17  # per joint: hold, three legs of five at most, rest
 STEP = 1e-3  # s, of the search for the earliest strike and of the last check of the limits
 LONGEST = 10.0  # s, the longest leg that is tried
 PROFILES = ("auto", "quintic", "trapezoid")
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
+SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
+Least = Callable[[Array, Array, Array, Array], float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +81,7 @@ class Swing:
     coefficients: Array = field(repr=False)  # (7, n, 6) in s since the knot, lowest power first
 
     def sample(self, time: float) -> tuple[Array, Array]:
-        """q (7,) rad and qdot (7,) rad/s at `time` (s); the start before it, rest after the end."""
+        """q (7,) rad and qdot (7,) rad/s at `time` (s); before the start straight towards it, rest after the end."""
         q, qdot, qddot = np.empty(7), np.empty(7), np.empty(7)
         evaluate(time - self.start.time, self.knots, self.coefficients, q, qdot, qddot)
         return q, qdot
@@ -159,9 +163,9 @@ def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Arra
     return low, high, speed, acceleration
 
 
-def _beyond(model: ArmModel, end: float, knots: Array, coefficients: Array) -> str | None:
-    """Which joint would leave its range on the way."""
-    low, high, _, _ = extremes(end, knots, coefficients)
+def _beyond(model: ArmModel, parts: tuple[Array, Array, float]) -> str | None:
+    """Which joint would leave its range on the way, for knots, coefficients and duration."""
+    low, high, _, _ = extremes(parts[2], *parts[:2])
     outside = np.maximum(model.position_limits[:, 0] - low, high - model.position_limits[:, 1])
     if outside.max() > 0.0:
         return f"joint {model.names[int(outside.argmax())]} would run {outside.max():.3f} rad beyond its limit on the way"
@@ -169,21 +173,38 @@ def _beyond(model: ArmModel, end: float, knots: Array, coefficients: Array) -> s
 
 
 def _assemble(
-    model: ArmModel, start: Joints, hold: float, approach: float, target: Reach, back: float, limits: SwingLimits, profile: str
+    model: ArmModel,
+    start: Joints,
+    approach: tuple[float, float],
+    target: Reach,
+    brake: float,
+    limits: SwingLimits,
+    profile: str,
+    least: Least,
 ) -> tuple[Array, Array, float]:
+    """Hold and approach (both s), slow down with time `brake` (s) for the fastest joint, return: knots, coefficients, duration (s)."""
     knots, coefficients, pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
-    speed, kind = limits.speed_share * model.speed_limits, PROFILES.index(profile)
-    q0, v0 = start.q.copy(), start.qdot.copy()
-    waiting = model.waiting.copy()
+    speed, kind, rest = limits.speed_share * model.speed_limits, PROFILES.index(profile), np.zeros(7)
+    now = 0.0
+
+    def leg(time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
+        _leg(now, time, q0, v0, q1, v1, speed, limits.acceleration, kind, knots, coefficients, pieces)
+        return now + time
+
+    hold, time = approach
     if hold > 0.0:
-        _rest(0.0, q0, knots, coefficients, pieces)
-    if approach > 0.0:
-        _leg(hold, approach, q0, v0, target.q, target.qdot, speed, limits.acceleration, kind, knots, coefficients, pieces)
-        q0, v0 = target.q, target.qdot
-    end = hold + approach + back
-    _leg(hold + approach, back, q0, v0, waiting, np.zeros(7), speed, limits.acceleration, kind, knots, coefficients, pieces)
-    _rest(end, waiting, knots, coefficients, pieces)
-    return knots, coefficients, end
+        _rest(now, np.array(start.q), knots, coefficients, pieces)
+        now = hold
+    if time > 0.0:
+        now = leg(time, np.array(start.q), np.array(start.qdot), target.q, target.qdot)
+    q, qdot = target.q, target.qdot
+    if np.abs(qdot).max() > 0.0:
+        stop = q + 0.5 * brake * qdot
+        now, q = leg(brake, q, qdot, stop, rest), stop
+    back = limits.unhurried_return * least(q, rest, model.waiting.copy(), rest)
+    now = leg(max(back, STEP), q, rest, model.waiting.copy(), rest)
+    _rest(now, model.waiting.copy(), knots, coefficients, pieces)
+    return knots, coefficients, now
 
 
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
@@ -195,33 +216,34 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
     limits = limits or SwingLimits()
     strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
     speed, only_quintic = limits.speed_share * model.speed_limits, limits.profile == "quintic"
-    waiting, rest = model.waiting.copy(), np.zeros(7)
-    q0, v0 = start.q.copy(), start.qdot.copy()
-    v0 = np.clip(v0, -speed, speed)
 
-    def least(a: Array, b: Array, c: Array, d: Array) -> float:
-        return _least(a, b, c, d, speed, limits.acceleration, only_quintic)
+    def least(q0: Array, v0: Array, q1: Array, v1: Array) -> float:
+        return _least(q0, v0, q1, v1, speed, limits.acceleration, only_quintic)
 
+    q0, v0 = np.array(start.q), np.clip(start.qdot, -speed, speed)
+    start, moving = Joints(start.time, q0, v0), bool(np.abs(v0).max() > AT_REST)
     earliest, reason = math.inf, None if target is None else target.reason
     if target is not None and reason is None:
-        time = strike_time - start.time
-        shortest = least(q0, v0, target.q, target.qdot)
-        back = least(target.q, target.qdot, waiting, rest)
+        time, shortest = strike_time - start.time, least(q0, v0, target.q, target.qdot)
         earliest = start.time + shortest
-        if math.isinf(shortest) or math.isinf(back):
-            reason = "the limits allow no swing through this strike"
+        if math.isinf(shortest):
+            reason = "the limits allow no way to this strike"
         elif time < shortest:
             reason = f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
-        elif not _holds(time, q0, v0, target.q, target.qdot, speed, limits.acceleration, only_quintic) and np.abs(v0).max() > AT_REST:
+        elif moving and not _holds(time, q0, v0, target.q, target.qdot, speed, limits.acceleration, only_quintic):
             reason = "the arm moves too fast to arrive as late as that"
         else:
-            for hurry, profile in ((limits.unhurried, limits.profile), (1.0, limits.profile), (1.0, "trapezoid")):
-                approach = min(time, hurry * shortest) if np.abs(v0).max() <= AT_REST else time
-                slack = 1.0 if hurry == 1.0 else limits.unhurried_return
-                knots, coefficients, end = _assemble(model, start, time - approach, approach, target, slack * back, limits, profile)
-                reason = _beyond(model, end, knots, coefficients)
+            for hurry, brake, profile in ((limits.unhurried, SOFT, limits.profile), (1.0, 1.0, limits.profile), (1.0, 1.0, "trapezoid")):
+                approach = time if moving else min(time, hurry * shortest)
+                slow = brake * float(np.abs(target.qdot).max()) / limits.acceleration
+                parts = _assemble(model, start, (time - approach, approach), target, slow, limits, profile, least)
+                reason = _beyond(model, parts)
                 if reason is None:
-                    return Swing(start, strike_time, start.time + end, earliest, None, knots, coefficients)
-    back = max(1e-3, least(q0, v0, waiting, rest) * limits.unhurried_return)
-    knots, coefficients, end = _assemble(model, start, 0.0, 0.0, Reach(q0, v0, 0.0, 0.0, None), back, limits, limits.profile)
-    return Swing(start, math.inf, start.time + end, earliest, reason, knots, coefficients)
+                    return Swing(start, strike_time, start.time + parts[2], earliest, None, *parts[:2])
+    here = Reach(q0, v0 if moving else np.zeros(7), 0.0, 0.0, None)
+    for brake in (SOFT, 1.0):
+        slow = brake * float(np.abs(v0).max()) / limits.acceleration
+        parts = _assemble(model, start, (0.0, 0.0), here, slow, limits, limits.profile if brake == SOFT else "trapezoid", least)
+        if _beyond(model, parts) is None:
+            break
+    return Swing(start, math.inf, start.time + parts[2], earliest, reason, *parts[:2])

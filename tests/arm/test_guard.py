@@ -1,0 +1,89 @@
+"""Whatever comes in, what leaves is finite, within the limits and able to stop in time."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from tt_arm.guard import Guard, GuardParams
+from tt_arm.model import ArmModel
+from tt_arm.swing import Joints
+from tt_core.errors import OutOfRange
+from tt_sim.plant import Plant, PlantParams
+
+MODEL, TICK = ArmModel.pa10(), 0.002
+anything = arrays(float, st.integers(0, 9), elements=st.floats(allow_nan=True, allow_infinity=True))
+
+
+def warmed():
+    guard = Guard(MODEL)
+    guard.check(0.0, np.zeros(7), MODEL.waiting)
+    return guard
+
+
+@given(st.lists(anything, max_size=5))
+def test_nonsense_never_leaves(commands):
+    guard, last = warmed(), np.zeros(7)
+    for k, command in enumerate(commands):
+        allowed, reason = guard.check((k + 1) * TICK, command, MODEL.waiting)
+        assert np.isfinite(allowed).all()
+        assert np.all(np.abs(allowed) <= MODEL.speed_limits)
+        assert np.abs(allowed - last).max() <= 40.0 * TICK + 1e-9
+        if command.shape != (7,) or not np.isfinite(command).all():
+            assert guard.latched is not None
+        assert reason is not None or np.array_equal(allowed, command)
+        last = allowed
+
+
+def test_what_is_broken_latches_until_reset():
+    for command, q, words in (
+        (np.full(7, np.nan), MODEL.waiting, "not finite"),
+        (np.zeros(6), MODEL.waiting, "7 joints expected"),
+        (np.zeros(7), np.append(MODEL.waiting[:6], 5.0), "joint w2 is 0.549 rad beyond its limit"),
+    ):
+        guard = warmed()
+        assert words in guard.check(TICK, command, q)[1]
+        allowed, reason = guard.check(2 * TICK, np.full(7, 0.01), MODEL.waiting)
+        assert np.all(allowed == 0.0)
+        assert words in reason
+        guard.reset()
+        assert guard.check(3 * TICK, np.zeros(7), MODEL.waiting)[1] is None
+
+
+def test_good_commands_pass_untouched():
+    guard = warmed()
+    for k in range(1, 50):
+        command = np.full(7, 0.5 * np.sin(0.05 * k))
+        allowed, reason = guard.check(k * TICK, command, MODEL.waiting)
+        assert reason is None
+        assert np.array_equal(allowed, command)
+
+
+@settings(max_examples=20)
+@given(arrays(float, 7, elements=st.floats(-10.0, 10.0)))
+def test_a_runaway_stops_before_the_end_of_every_joint(command):
+    """With a plant that brakes no better than the guard believes."""
+    guard, plant, state = Guard(MODEL), Plant(MODEL, PlantParams(acceleration=40.0)), Joints(0.0, MODEL.waiting, np.zeros(7))
+    for _ in range(1500):
+        allowed, _ = guard.check(state.time, command, state.q)
+        state = plant.advance(state, allowed, 2 * TICK)
+        assert np.all(state.q > MODEL.position_limits[:, 0]) and np.all(state.q < MODEL.position_limits[:, 1])
+
+
+def test_silence_is_noticed_and_the_stop_is_gentle():
+    guard = Guard(MODEL)
+    command = np.zeros(7)
+    for k in range(100):
+        command, _ = guard.check(k * TICK, np.full(7, 0.5), MODEL.waiting)
+    assert not guard.stale(99 * TICK + 0.04)
+    assert guard.stale(99 * TICK + 0.06)
+    for k in range(100, 120):
+        slower = guard.stop(k * TICK)
+        assert np.abs(slower - command).max() <= 40.0 * TICK + 1e-9
+        command = slower
+    assert np.all(command == 0.0)
+
+
+def test_bad_values_name_themselves():
+    with pytest.raises(OutOfRange, match="braking = 0"):
+        GuardParams(braking=0.0)

@@ -1,0 +1,114 @@
+"""The path goes through the strike at its instant, keeps all limits all the way, and never jumps."""
+
+import numpy as np
+import pytest
+from arm.printed import NAMES, printed
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from tt_arm.model import ArmModel
+from tt_arm.reach import adjust, reach
+from tt_arm.swing import AT_REST, PROFILES, Joints, SwingLimits, plan
+from tt_core.errors import TtError
+from tt_core.states import RacketState
+
+MODEL = ArmModel.pa10()
+START = Joints(100.0, MODEL.waiting, np.zeros(7))
+
+
+def check_path(swing, limits, step=5e-4):
+    """Positions, speeds, accelerations by differences, all the way."""
+    times = np.arange(swing.start.time, swing.end_time + 0.1, step)
+    rows = [swing.sample(t) for t in times]
+    q, qdot = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+    assert np.all(q >= MODEL.position_limits[:, 0]) and np.all(q <= MODEL.position_limits[:, 1])
+    assert np.all(np.abs(qdot) <= limits.speed_share * MODEL.speed_limits * (1 + 1e-6))
+    assert np.abs(np.diff(qdot, axis=0)).max() <= limits.acceleration * step * (1 + 1e-3)  # the quintic is checked at points: 0.2 %
+    # no jump in position: what the speed makes, to the bend of one step
+    assert np.abs(np.diff(q, axis=0) - 0.5 * step * (qdot[1:] + qdot[:-1])).max() <= limits.acceleration * step**2
+    assert q[-1] == pytest.approx(MODEL.waiting, abs=1e-9)
+    assert np.all(qdot[-1] == 0.0)
+
+
+@pytest.mark.parametrize("profile", [p for p in PROFILES if p != "quintic"])
+@pytest.mark.parametrize("racket", printed(100.40), ids=NAMES)
+def test_printed_rackets_are_made_in_four_tenths_at_half_the_acceleration(racket, profile):
+    limits, target = SwingLimits(acceleration=10.0, profile=profile), reach(MODEL, racket, MODEL.waiting)
+    swing = plan(MODEL, START, target, racket.time, limits)
+    assert swing.reason is None
+    check_path(swing, limits)
+    q, qdot = swing.sample(racket.time)
+    assert q == pytest.approx(target.q, abs=1e-9)
+    assert qdot == pytest.approx(target.qdot, abs=1e-9)
+    position, rotation = MODEL.racket(q)
+    assert position == pytest.approx(racket.position, abs=1e-9)
+    assert rotation[:, 2] == pytest.approx(racket.normal, abs=1e-9)
+    assert MODEL.jacobian(q)[:3] @ qdot == pytest.approx(racket.velocity, abs=1e-8)
+
+
+@pytest.mark.parametrize("racket", printed(100.60), ids=NAMES)
+def test_a_quintic_swing_keeps_the_limits(racket):
+    limits = SwingLimits(profile="quintic")
+    swing = plan(MODEL, START, reach(MODEL, racket, MODEL.waiting), racket.time, limits)
+    assert swing.reason is None
+    check_path(swing, limits)
+
+
+@pytest.mark.parametrize("racket", printed(100.0), ids=NAMES)
+def test_the_earliest_strike_is_the_bound(racket):
+    target = reach(MODEL, racket, MODEL.waiting)
+    late = plan(MODEL, START, target, 100.01)
+    assert "too soon" in late.reason
+    assert late.sample(100.3)[0] == pytest.approx(MODEL.waiting)  # and the arm stays
+    at = plan(MODEL, START, target, late.earliest + 1e-9)
+    assert at.reason is None
+    check_path(at, SwingLimits())
+    assert plan(MODEL, START, target, late.earliest - 1e-3).reason is not None
+
+
+def test_a_far_strike_is_waited_for():
+    swing = plan(MODEL, START, reach(MODEL, printed(103.0)[0], MODEL.waiting), 103.0)
+    assert swing.sample(102.4)[0] == pytest.approx(MODEL.waiting)
+    assert not np.allclose(swing.sample(102.9)[0], MODEL.waiting, atol=0.05)
+    check_path(swing, SwingLimits(), step=2e-3)
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(range(5)), st.floats(0.0, 0.35), arrays(float, 3, elements=st.floats(-0.01, 0.01)), st.floats(-0.003, 0.003))
+def test_a_new_plan_takes_over_without_a_jump(which, when, shift, later):
+    racket = printed(100.5)[which]
+    first = reach(MODEL, racket, MODEL.waiting)
+    swing = plan(MODEL, START, first, racket.time)
+    newer = RacketState(racket.time + later, racket.position + shift, racket.velocity, racket.alpha, racket.beta)
+    middle = Joints(100.0 + when, *swing.sample(100.0 + when))
+    target = adjust(MODEL, newer, first)
+    again = plan(MODEL, middle, target, newer.time)
+    assert np.hstack(again.sample(middle.time)) == pytest.approx(np.hstack([middle.q, middle.qdot]))
+    check_path(again, SwingLimits(), step=2e-3)  # also when it only brakes and returns
+    if again.reason is None:
+        assert again.sample(newer.time)[0] == pytest.approx(target.q, abs=1e-9)
+
+
+@settings(max_examples=60)
+@given(arrays(float, 7, elements=st.floats(-0.5, 0.5)), arrays(float, 7, elements=st.floats(-1.0, 1.0)))
+def test_from_anywhere_it_returns_to_waiting(where, how):
+    start = Joints(5.0, where * MODEL.position_limits[:, 1], how * MODEL.speed_limits)
+    swing = plan(MODEL, start, None, 5.0)
+    assert np.hstack(swing.sample(5.0)) == pytest.approx(np.hstack([start.q, start.qdot]), abs=AT_REST)
+    check_path(swing, SwingLimits(), step=2e-3)
+
+
+def test_the_table_of_a_swing_holds_the_strike():
+    swing = plan(MODEL, START, reach(MODEL, printed(100.5)[0], MODEL.waiting), 100.5)
+    times, q, qdot = swing.table(0.02)
+    at = int(np.argmin(np.abs(times - 0.5)))
+    assert times[at] == pytest.approx(0.5, abs=1e-9)
+    assert np.hstack([q[at], qdot[at]]) == pytest.approx(np.hstack(swing.sample(100.5)), abs=1e-6)
+    assert len(times) == len(q) == len(qdot)
+
+
+def test_bad_values_name_themselves():
+    with pytest.raises(TtError, match="profile = 'cubic'"):
+        SwingLimits(profile="cubic")
+    with pytest.raises(TtError, match="q has shape"):
+        Joints(0.0, np.zeros(6), np.zeros(7))
