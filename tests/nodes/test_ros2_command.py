@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -81,14 +82,26 @@ def test_launch_starts_named_nodes_and_leaves_none(ros2, probe, until, tmp_path)
     assert system.returncode == 0, told
     assert f"[witness] recording to {bag}" in told
     assert (bag / "metadata.yaml").is_file()
-    assert not [line for line in Path("/proc").glob("[0-9]*/cmdline") if str(bag) in _text(line)]
+    assert not running(bag)
 
 
-def _text(path):
-    try:
-        return path.read_text()
-    except OSError:  # it has just ended
-        return ""
+def test_a_killed_launch_leaves_no_node(ros2, probe, until, tmp_path):
+    file, bag = tmp_path / "test.launch.yaml", tmp_path / "bag"
+    file.write_text(LAUNCH)
+    system = ros2("launch", str(file), f"output:={bag}")
+    until(lambda: (bag / "bag.mcap").is_file(), probe)
+    assert running(bag)
+    system.kill()
+    until(lambda: not running(bag), probe)
+
+
+def running(bag):
+    """The processes that name `bag`."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has just ended
+            found += [path] * (str(bag) in path.read_text())
+    return found
 
 
 def test_run_becomes_the_executable(ros2, tmp_path):

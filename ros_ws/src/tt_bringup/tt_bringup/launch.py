@@ -11,6 +11,7 @@ import os
 import queue
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import threading
@@ -27,6 +28,7 @@ from tt_core.errors import TtError
 from . import packages
 
 PATIENCE = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
+GUARD = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()  # if we are killed, the kernel ends what we started
 STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # exit codes that are no failure
 
 _SHARED = {"name", "if", "unless", "on_exit", "output"}
@@ -162,7 +164,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
 class System:
     """Running processes, each in a process group of its own, their output told line by line with their names before it.
 
-    As a context manager it leaves none of them behind.
+    As a context manager it leaves none of them behind. They also end with the thread that enters it.
     """
 
     def __init__(self, processes: Sequence[Process], tell: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
@@ -174,12 +176,12 @@ class System:
         self._over = self._stopping = False
 
     def _start(self, process: Process) -> None:
+        if shutil.which(process.command[0]) is None:
+            raise LaunchError(f"{process.name} does not start: there is no program {process.command[0]}")
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-        try:
-            child = subprocess.Popen(process.command, env=environment, start_new_session=True, text=True, errors="replace", **pipes)
-        except OSError as error:
-            raise LaunchError(f"{process.name} does not start: {error}") from error
+        command = (*GUARD, *process.command)
+        child = subprocess.Popen(command, env=environment, start_new_session=True, text=True, errors="replace", **pipes)
         self._running[child] = process
         self._tell(f"[launch] {process.name} started, process {child.pid}")
 

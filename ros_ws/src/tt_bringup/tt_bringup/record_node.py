@@ -55,11 +55,16 @@ def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
 
 
 class RecordNode(Node):
-    """Topics -> rosbag2 directory `output`: all of them, or those in `topics`, less those in which the regex `exclude` is found."""
+    """Topics -> a new rosbag2 directory, `output`, or bags/ and the time.
+
+    All topics, or those in `topics`, less those in which the regex `exclude` is found.
+    """
 
     def __init__(self) -> None:
         super().__init__("record", enable_rosout=False, start_parameter_services=False)
-        output = parameter(self, "output", time.strftime("rosbag2_%Y_%m_%d-%H_%M_%S"))
+        output = parameter(self, "output", "auto")
+        if output == "auto":
+            output = time.strftime("bags/%Y-%m-%d_%H-%M-%S")
         self._wanted = {self.resolve_topic_name(str(name)) for name in parameter(self, "topics", [])}
         exclude = parameter(self, "exclude", "")
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import sys
@@ -53,11 +54,9 @@ def record(args: argparse.Namespace) -> None:
     if bool(topics) == args.all:
         raise TtError("give either topics or -a")
     output = args.output or datetime.now().strftime("rosbag2_%Y_%m_%d-%H_%M_%S")
-    command = [sys.executable, "-m", "tt_bringup.record_node", "--ros-args", "-p", f"output:='{output}'"]
-    if topics:
-        command += ["-p", f"topics:={topics}"]
-    if args.exclude_regex:
-        command += ["-p", f"exclude:='{args.exclude_regex}'"]
+    wanted = {"output": output, "topics": topics, "exclude": args.exclude_regex}
+    parameters = [word for name, value in wanted.items() if value for word in ("-p", f"{name}:={json.dumps(value)}")]
+    command = [sys.executable, "-m", "tt_bringup.record_node", "--ros-args", *parameters]
     os.execv(sys.executable, command)
 
 
