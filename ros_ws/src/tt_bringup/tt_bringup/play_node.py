@@ -25,7 +25,7 @@ from .record import BagError, open_bag
 
 DEPTH = 1000  # messages that a slow subscriber may be behind
 POLL = 0.05  # s between two looks for subscribers
-FIRST, QUIET = 10.0, 3.0  # s to wait for the first subscriber, and after each for one more; discovery took up to 2.6 s
+FIRST, QUIET = 30.0, 3.0  # s to wait for the first subscriber, and after each for one more; discovery took up to 2.6 s
 MATCH = 0.2  # s until a subscriber that we know knows us too
 ACKNOWLEDGED = Duration(seconds=2)  # to wait at the end for reliable subscribers
 

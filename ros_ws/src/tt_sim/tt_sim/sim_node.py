@@ -76,7 +76,7 @@ class SimNode(Node):
         self.params = declare(self, SimParams)
         self.physics = declare_physics(self)
         self.launcher = declare(self, LauncherParams, "launcher.")
-        self.order = [_shot(s) for s in parameter(self, "shots", ["top 3", "top 5", "back 3", "back 4", "left 3", "right 4"])]
+        self.order = [_shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
         self.rng = np.random.default_rng(self.params.seed)
         self.scene = Scene(texture=Texture.drawn(self.params.seed))
         self.cameras = high_speed_pair()
