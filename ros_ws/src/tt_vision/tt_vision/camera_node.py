@@ -1,0 +1,106 @@
+"""Publishes the images of both high speed cameras, from devices, videos, a folder or a bag."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image
+from tt_core.errors import TtError, check_range
+from tt_core.ros.convert import camera_to_message, image_to_message
+from tt_core.ros.params import declare, parameter
+from tt_core.ros.qos import LATCHED, SENSOR
+from tt_core.ros.run import run
+from tt_core.ros.status import Status
+
+from .rig import high_speed_pair
+from .sources import SIDES, Calibration, Shot, SourceParams, calibrations, shots
+
+
+@dataclass(frozen=True)
+class PlayParams:
+    """How the images are published."""
+
+    speed: float = 1.0  # recorded seconds in a second; 0: as fast as they are read
+    restamp: bool = False  # stamps are moved so that the first image is now
+    loop: bool = False  # starts again at the end
+    wait: float = 10.0  # s, at most, for someone to listen to both cameras
+
+    def __post_init__(self) -> None:
+        check_range("speed", self.speed, 0.0, 100.0)
+        check_range("wait", self.wait, 0.0, 3600.0)
+
+
+class CameraNode(Node):
+    """-> /camera/{left,right}/image_raw and camera_info. The intrinsics are {left,right}.matrix (9) and .distortion, or the bag's."""
+
+    def __init__(self) -> None:
+        super().__init__("camera")
+        self.source, self.play = declare(self, SourceParams), declare(self, PlayParams)
+        self.calibrations = [
+            Calibration(
+                camera.width,
+                camera.height,
+                np.reshape(parameter(self, f"{name}.matrix", camera.matrix.ravel().tolist()), (3, 3)),
+                np.array(parameter(self, f"{name}.distortion", [float(d) for d in np.zeros(5)])),
+            )
+            for name, camera in zip(SIDES, high_speed_pair(), strict=True)
+        ]
+        if self.source.kind == "bag":
+            for side, calibration in calibrations(Path(self.source.path)).items():
+                self.calibrations[side] = calibration
+        self.status = Status(self)
+        self.infos = [self.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in SIDES]
+        self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in SIDES]
+        self.first = next(shots(self.source, self.now))  # what cannot be read ends the node here
+        self.publish_info(self.first.image.shape[1], self.first.image.shape[0])
+        threading.Thread(target=self.publish_all, daemon=True).start()
+
+    def now(self) -> float:
+        return float(self.get_clock().now().nanoseconds * 1e-9)
+
+    def publish_info(self, width: int, height: int) -> None:
+        for publisher, calibration, name in zip(self.infos, self.calibrations, SIDES, strict=True):
+            publisher.publish(camera_to_message(width, height, calibration.matrix, calibration.distortion, f"{name}_optical"))
+
+    def publish_all(self) -> None:
+        """Until the end of the source, or of the node."""
+        end = time.monotonic() + self.play.wait
+        while time.monotonic() < end and not all(publisher.get_subscription_count() for publisher in self.images):
+            time.sleep(0.05)
+        try:
+            count = self.publish_once()
+            while self.play.loop and self.context.ok():
+                count += self.publish_once()
+            self.status.tell("end of the source", images=count)
+        except TtError as error:
+            self.status.tell(f"stopped: {error}", warn=True)
+        except RuntimeError:  # published into a context that a signal has just ended
+            if self.context.ok():
+                raise
+
+    def publish_once(self) -> int:
+        count, start, shift = 0, time.monotonic(), 0.0
+        first: Shot | None = None
+        for shot in shots(self.source, self.now):
+            if first is None:
+                first, shift = shot, self.now() - shot.time if self.play.restamp else 0.0
+            if self.play.speed and self.source.kind != "device":
+                time.sleep(max(0.0, (shot.time - first.time) / self.play.speed - (time.monotonic() - start)))
+            self.images[shot.side].publish(image_to_message(shot.image, shot.time + shift, f"{SIDES[shot.side]}_optical"))
+            count += 1
+            if not self.context.ok():
+                break
+        return count
+
+
+def main() -> None:
+    run(CameraNode)
+
+
+if __name__ == "__main__":
+    main()

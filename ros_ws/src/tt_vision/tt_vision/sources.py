@@ -1,0 +1,169 @@
+"""Where images of the two cameras come from: a folder, videos, a bag, devices. Each is a generator of shots in the order of time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from mcap.reader import make_reader
+from rosbags.typesys import Stores, get_typestore
+from tt_core.errors import TtError, check_range
+
+from .centre import Image
+
+SIDES = ("left", "right")
+KINDS = ("folder", "video", "bag", "device")
+STAMPED = re.compile(r"(left|right)[_\-/](\d+(?:\.\d+)?)\.(?:png|pgm|tiff?|bmp|jpe?g)$", re.IGNORECASE)
+NANOSECONDS = 1e14  # a whole number above it is a stamp in nanoseconds, below it in seconds: one day after 1970 and three million years
+
+
+class SourceError(TtError):
+    """A source that cannot be opened or read."""
+
+
+class Shot(NamedTuple):
+    """side: 0 left, 1 right. time: s. image: (h, w) uint8 or uint16."""
+
+    side: int
+    time: float
+    image: Image
+
+
+class Calibration(NamedTuple):
+    """As recorded: pixels; K (3, 3); distortion (n,)."""
+
+    width: int
+    height: int
+    matrix: np.ndarray
+    distortion: np.ndarray
+
+
+@dataclass(frozen=True)
+class SourceParams:
+    """kind: one of KINDS. path: of the folder, the bag, the left video; or the number of the left device. right: of the right one."""
+
+    kind: str = "folder"
+    path: str = ""
+    right: str = ""
+    frame_rate: float = 900.0  # 1/s, of videos
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise SourceError(f"kind = {self.kind!r} is none of {', '.join(KINDS)}")
+        check_range("frame_rate", self.frame_rate, 0.1, 1e5)
+
+
+def shots(params: SourceParams, now: Callable[[], float]) -> Iterator[Shot]:
+    """now: s, the clock that stamps the images of devices. Raises SourceError at the first shot for what cannot be opened."""
+    if params.kind == "folder":
+        return from_folder(Path(params.path))
+    if params.kind == "video":
+        return from_videos([params.path, params.right], params.frame_rate)
+    if params.kind == "bag":
+        return from_bag(Path(params.path))
+    return from_devices([params.path, params.right], now)
+
+
+def from_folder(path: Path) -> Iterator[Shot]:
+    """Images named left_TIME.png or left/TIME.png, the same for right; TIME in nanoseconds when whole and long, else in seconds."""
+    found = []
+    for file in path.rglob("*"):
+        if match := STAMPED.search(file.relative_to(path).as_posix()):
+            side, stamp = match[1].lower(), match[2]
+            time = int(stamp) * 1e-9 if "." not in stamp and int(stamp) > NANOSECONDS else float(stamp)
+            found.append((time, SIDES.index(side), file))
+    if not found:
+        raise SourceError(f"no images named left_TIME.png or right_TIME.png in {path}")
+    for time, side, file in sorted(found):
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        if image is None:
+            raise SourceError(f"{file} is no image")
+        yield Shot(side, time, _grey(image))
+
+
+def from_videos(paths: Sequence[str], frame_rate: float) -> Iterator[Shot]:
+    """Two videos that start together; frame k is at k / frame_rate, whatever the files say: players cannot show 900 frames a second."""
+    with closing(_Captures(paths)) as captures:
+        for k, images in enumerate(captures):
+            for side, image in enumerate(images):
+                yield Shot(side, k / frame_rate, image)
+
+
+def from_devices(numbers: Sequence[str], now: Callable[[], float]) -> Iterator[Shot]:
+    """Two cameras that the operating system knows, stamped when both have a frame; cameras with a trigger need a driver of their own."""
+    if not all(number.isdigit() for number in numbers):
+        raise SourceError(f"devices are two numbers, got {list(numbers)}")
+    with closing(_Captures([int(number) for number in numbers])) as captures:
+        for images in captures:
+            time = now()
+            for side, image in enumerate(images):
+                yield Shot(side, time, image)
+
+
+class _Captures:
+    """Frames of several captures taken together, until one ends."""
+
+    def __init__(self, sources: Sequence[str] | Sequence[int]) -> None:
+        self._captures = [cv2.VideoCapture(source) for source in sources]
+        for source, capture in zip(sources, self._captures, strict=True):
+            if not capture.isOpened():
+                self.close()
+                raise SourceError(f"cannot open {source!r}")
+
+    def __iter__(self) -> Iterator[list[Image]]:
+        while sum(capture.grab() for capture in self._captures) == len(self._captures):  # all are grabbed before any is decoded
+            yield [_grey(capture.retrieve()[1]) for capture in self._captures]
+
+    def close(self) -> None:
+        for capture in self._captures:
+            capture.release()
+
+
+def from_bag(path: Path) -> Iterator[Shot]:
+    """The images on /camera/{left,right}/image_raw of an MCAP file or of the directory of one, by their own stamps."""
+    topics = [f"/camera/{side}/image_raw" for side in SIDES]
+    count = 0
+    for topic, message in _messages(path, topics):
+        kinds: dict[str, np.dtype] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype(">u2" if message.is_bigendian else "<u2")}
+        dtype = kinds.get(message.encoding)
+        if dtype is None or len(message.data) != message.height * message.width * dtype.itemsize:
+            raise SourceError(f"image on {topic} with encoding {message.encoding!r} and {len(message.data)} bytes")
+        image = np.frombuffer(message.data, dtype).reshape(message.height, message.width).astype(dtype.newbyteorder("="))
+        time = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        count += 1
+        yield Shot(topics.index(topic), time, image)
+    if not count:
+        raise SourceError(f"no images on {' and '.join(topics)} in {path}")
+
+
+def calibrations(path: Path) -> dict[int, Calibration]:
+    """What /camera/{left,right}/camera_info of a bag says, by side."""
+    topics = [f"/camera/{side}/camera_info" for side in SIDES]
+    return {
+        topics.index(topic): Calibration(m.width, m.height, np.reshape(m.k, (3, 3)), np.array(m.d)) for topic, m in _messages(path, topics)
+    }
+
+
+def _messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    types = get_typestore(Stores.ROS2_JAZZY)
+    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+    if not files or not all(file.is_file() for file in files):
+        raise SourceError(f"no MCAP file at {path}")
+    for file in files:
+        with file.open("rb") as stream:
+            for schema, channel, message in make_reader(stream).iter_messages(topics=topics):
+                yield channel.topic, types.deserialize_cdr(message.data, schema.name if schema else "")
+
+
+def _grey(image: np.ndarray) -> Image:
+    if image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    if image.dtype not in (np.uint8, np.uint16):
+        raise SourceError(f"image of dtype uint8 or uint16 expected, got {image.dtype}")
+    return image
