@@ -42,7 +42,7 @@ def check(racket, found):
 def test_an_answer_is_one_whatever_is_asked(where, how):
     racket = asked(where * MODEL.position_limits[:, 1], how * MODEL.speed_limits)
     found = reach(MODEL, racket, MODEL.waiting)
-    if found.reason != "out of reach":
+    if found.ratio < 10.0:  # near a singular posture only the reason counts
         check(racket, found)
 
 

@@ -150,8 +150,10 @@ def _posture(
             in_time = in_time and high > low
         cost = late * LATE_COST
         scaled = rows * half
-        if in_time and (least_shares(scaled[:3].copy(), wanted[:3].copy(), shares) <= 1.0 or late == 2):
+        if in_time and least_shares(scaled[:3].copy(), wanted[:3].copy(), shares) <= 1.0:
             break
+    if np.abs(rows[:3] @ (middle + half * shares) - velocity).max() > 1e-6:  # singular
+        return np.inf, q, qdot
     more = _steadier(scaled, wanted, shares, weights[2])
     best = np.inf
     for part in (0.0, 1.0):
