@@ -23,7 +23,8 @@ from .motion import fastest
 from .speeds import allocate, least_shares, least_shares_steady, steady_rows
 
 LIMIT_COST = 20.0  # per rad beyond the room kept from a position limit
-LATE_COST = 5.0  # for a strike that needs more than the swing time
+LATE_COST = 5.0  # for each of the times below that is too short
+LATER = (1.0, 1.4, 2.0, 3.0, 1e3)  # times the swing time; the last one asks what the joints can do at all
 STARTS = 2  # postures of the grid that are refined
 STEP_LEAST = 0.01  # rad, where the refinement ends
 
@@ -111,9 +112,10 @@ def _wind(q: Array, branch: int, seed: Array, limits: Array) -> float:
 
 @njit(cache=True)
 def _posture(
-    turn: float, swivel: float, position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, chain: Chain
-) -> tuple[float, Array, Array]:
-    """Cost, q (7,) and qdot (7,) of the best posture with both freedoms given.
+    turn: float, swivel: float, position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, chain: Chain,
+    bound: float,
+) -> tuple[float, Array, Array]:  # fmt: skip
+    """Cost, q (7,) and qdot (7,) of the best posture with both freedoms given; inf as soon as the cost is seen to exceed `bound`.
 
     limits: (7, 3) low, high, speed. weights: (5,) swing time, acceleration, affordable, turning, margin.
     """
@@ -137,8 +139,12 @@ def _posture(
     rows = steady_rows(jacobian, turned, np.ones(7))
     middle, half, wanted, shares = np.empty(7), np.empty(7), np.empty(5), np.empty(7)
     scaled = rows
-    for late in range(3):  # in the swing time, later, at all
-        time = weights[0] * (1.0, 1.4, 1e3)[late]
+    for late in range(len(LATER)):
+        time, cost = weights[0] * LATER[late], late * LATE_COST
+        if cost > bound:
+            return np.inf, q, qdot
+        if time < nearest:
+            continue
         wanted[:3] = velocity
         wanted[3:] = 0.0
         in_time = True
@@ -148,7 +154,6 @@ def _posture(
             middle[i], half[i] = 0.5 * (high + low), 0.5 * (high - low)
             wanted -= rows[:, i] * middle[i]
             in_time = in_time and high > low
-        cost = late * LATE_COST
         scaled = rows * half
         if in_time and least_shares(scaled[:3].copy(), wanted[:3].copy(), shares) <= 1.0:
             break
@@ -172,11 +177,12 @@ def search(
     position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, grid: int, chain: Chain
 ) -> tuple[float, Array, Array]:
     """Cost, q (7,), qdot (7,) of the best posture: a grid over both freedoms, then a compass search from its best points."""
-    costs = np.empty((grid, grid))
+    costs, least = np.empty((grid, grid)), np.inf
     step = 2.0 * math.pi / grid
     for i in range(grid):
         for j in range(grid):
-            costs[i, j] = _posture(i * step, j * step, position, rotation, velocity, seed, limits, weights, chain)[0]
+            costs[i, j] = _posture(i * step, j * step, position, rotation, velocity, seed, limits, weights, chain, least)[0]
+            least = min(least, costs[i, j])
     best, q, qdot = np.inf, seed.copy(), np.zeros(7)
     for _ in range(STARTS):
         at = np.argmin(costs)
@@ -184,7 +190,7 @@ def search(
         if costs[i, j] == np.inf:
             break
         turn, swivel, size = i * step, j * step, 0.5 * step
-        here, here_q, here_qdot = _posture(turn, swivel, position, rotation, velocity, seed, limits, weights, chain)
+        here, here_q, here_qdot = _posture(turn, swivel, position, rotation, velocity, seed, limits, weights, chain, np.inf)
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 costs[(i + di) % grid, (j + dj) % grid] = np.inf
@@ -192,7 +198,7 @@ def search(
             moved = False
             for du, dv in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
                 u, v = turn + du * size, swivel + dv * size
-                cost, there, there_qdot = _posture(u, v, position, rotation, velocity, seed, limits, weights, chain)
+                cost, there, there_qdot = _posture(u, v, position, rotation, velocity, seed, limits, weights, chain, here)
                 if cost < here:
                     here, here_q, here_qdot, turn, swivel, moved = cost, there, there_qdot, u, v, True
                     break

@@ -17,12 +17,14 @@ from numba import njit
 from tt_core.errors import TtError, check_array, check_range
 from tt_core.states import Array
 
+from .clearance import path_clearance
 from .model import ArmModel
 from .motion import evaluate, least_time, possible, quintic, quintic_holds, trapezoid
 from .reach import Reach
 
 PIECES = 17  # per joint: hold, three legs of five at most, rest
 STEP = 1e-3  # s, of the search for the earliest strike and of the last check of the limits
+COARSE = 10e-3  # s, of the check against the table: at 3 m/s the racket moves 30 mm
 LONGEST = 10.0  # s, the longest leg that is tried
 PROFILES = ("auto", "quintic", "trapezoid")
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
@@ -52,11 +54,13 @@ class SwingLimits:
     speed_share: float = 1.0  # of the speed limits, Table A.12
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
     unhurried_return: float = 1.6  # and so does the way back
+    clearance: float = 0.010  # m, that racket and forearm keep from the table; our choice
     profile: str = "auto"  # of a joint: quintic, trapezoid, or auto: the quintic where it keeps the limits
 
     def __post_init__(self) -> None:
         check_range("acceleration", self.acceleration, 0.1, 1000.0)
         check_range("speed_share", self.speed_share, 0.01, 1.0)
+        check_range("clearance", self.clearance, 0.0, 0.5)
         check_range("unhurried", self.unhurried, 1.0, 10.0)
         check_range("unhurried_return", self.unhurried_return, 1.0, 10.0)
         if self.profile not in PROFILES:
@@ -163,13 +167,14 @@ def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Arra
     return low, high, speed, acceleration
 
 
-def _beyond(model: ArmModel, parts: tuple[Array, Array, float]) -> str | None:
-    """Which joint would leave its range on the way, for knots, coefficients and duration."""
+def _beyond(model: ArmModel, parts: tuple[Array, Array, float], clearance: float) -> str | None:
+    """What would be hit on the way, a joint's end or the table, for knots, coefficients and duration."""
     low, high, _, _ = extremes(parts[2], *parts[:2])
     outside = np.maximum(model.position_limits[:, 0] - low, high - model.position_limits[:, 1])
     if outside.max() > 0.0:
         return f"joint {model.names[int(outside.argmax())]} would run {outside.max():.3f} rad beyond its limit on the way"
-    return None
+    left = path_clearance(parts[2], COARSE, *parts[:2], model.chain)
+    return f"the racket would come within {max(0.0, 1e3 * left):.0f} mm of the table on the way" if left < clearance else None
 
 
 def _assemble(
@@ -237,13 +242,13 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
                 approach = time if moving else min(time, hurry * shortest)
                 slow = brake * float(np.abs(target.qdot).max()) / limits.acceleration
                 parts = _assemble(model, start, (time - approach, approach), target, slow, limits, profile, least)
-                reason = _beyond(model, parts)
+                reason = _beyond(model, parts, limits.clearance)
                 if reason is None:
                     return Swing(start, strike_time, start.time + parts[2], earliest, None, *parts[:2])
     here = Reach(q0, v0 if moving else np.zeros(7), 0.0, 0.0, None)
     for brake in (SOFT, 1.0):
         slow = brake * float(np.abs(v0).max()) / limits.acceleration
         parts = _assemble(model, start, (0.0, 0.0), here, slow, limits, limits.profile if brake == SOFT else "trapezoid", least)
-        if _beyond(model, parts) is None:
+        if _beyond(model, parts, limits.clearance) is None:
             break
     return Swing(start, math.inf, start.time + parts[2], earliest, reason, *parts[:2])
