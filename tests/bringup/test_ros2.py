@@ -73,5 +73,9 @@ def test_packages_are_found_by_the_ament_index(prefix):
         packages.executable("tt_bringup", "some")
     with pytest.raises(NotFound, match=r"there is some\.launch\.yaml"):
         packages.launch_file("tt_bringup", "sim.launch.yaml")
-    with pytest.raises(NotFound, match="no message type"):
-        packages.message_type("no_msgs/msg/Such")
+
+
+@pytest.mark.parametrize("name", ["no_msgs/msg/Such", "std_srvs/srv/Trigge", "Trigger", ""])
+def test_an_unknown_type_is_told(name):
+    with pytest.raises(NotFound, match="no message or service type"):
+        packages.interface(name)

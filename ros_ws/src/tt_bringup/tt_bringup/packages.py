@@ -52,10 +52,10 @@ def launch_file(package: str, name: str) -> Path:
     return found[name]
 
 
-def message_type(name: str) -> Any:
-    """The class of e.g. "sensor_msgs/msg/Image". Raises NotFound."""
-    package, _, kind = name.partition("/msg/")
+def interface(name: str) -> Any:
+    """The class of e.g. "sensor_msgs/msg/Image" or "std_srvs/srv/Trigger". Raises NotFound."""
+    package, _, kind = name.rpartition("/")
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), kind)
+        return getattr(importlib.import_module(package.replace("/", ".")), kind)
     except (ImportError, AttributeError, ValueError):
-        raise NotFound("message type", name, ()) from None
+        raise NotFound("message or service type", name, ()) from None

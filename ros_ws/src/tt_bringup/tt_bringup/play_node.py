@@ -19,13 +19,13 @@ from rosbags.interfaces import ConnectionExtRosbag2, Qos, QosDurability, QosReli
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
-from .packages import NotFound, message_type
+from .packages import NotFound, interface
 from .play import Step, pace, with_clock
 from .record import BagError, open_bag
 
 DEPTH = 1000  # messages that a slow subscriber may be behind
 POLL = 0.05  # s between two looks for subscribers
-FIRST, QUIET = 30.0, 3.0  # s to wait for the first subscriber, and after each for one more; discovery took up to 2.6 s
+FIRST, QUIET = 30.0, 3.0  # s to wait for the first subscriber, and after each for one more: nodes that start together come together
 MATCH = 0.2  # s until a subscriber that we know knows us too
 ACKNOWLEDGED = Duration(seconds=2)  # to wait at the end for reliable subscribers
 
@@ -53,7 +53,7 @@ class PlayNode(Node):
             if (topics and topic not in topics) or (clock and topic == "/clock"):
                 continue
             try:
-                kind = message_type(connection.msgtype)
+                kind = interface(connection.msgtype)
             except NotFound as error:
                 self.get_logger().warning(f"{topic} is left out: {error}")
                 continue

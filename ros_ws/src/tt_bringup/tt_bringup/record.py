@@ -77,7 +77,7 @@ class Recording:
             self._writer.open()
         except (WriterError, OSError) as error:
             raise BagError(f"cannot record to {directory}: {error}") from error
-        self._thread = threading.Thread(target=self._write, name="bag writer")
+        self._thread = threading.Thread(target=self._write, name="bag writer", daemon=True)
         self._thread.start()
 
     def add_topic(self, name: str, kind: str, offered: Sequence[Qos]) -> None:

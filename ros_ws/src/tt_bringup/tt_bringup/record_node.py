@@ -17,7 +17,7 @@ from tt_core.errors import TtError
 from tt_core.ros.params import parameter
 from tt_core.ros.run import run
 
-from .packages import NotFound, message_type
+from .packages import NotFound, interface
 from .record import BagError, Recording
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2
@@ -71,10 +71,10 @@ class RecordNode(Node):
             self._exclude = re.compile(exclude) if exclude else None
         except re.error as error:
             raise TtError(f"exclude = {exclude!r} is no regular expression: {error}") from error
-        self._recording = Recording(Path(output))
         self._seen: set[str] = set()
         self._lost: dict[str, int] = {}
         self.create_timer(POLL, self._look)
+        self._recording = Recording(Path(output))  # last: what fails before it leaves no bag
         print(f"recording to {output}", flush=True)
 
     def _look(self) -> None:
@@ -87,7 +87,7 @@ class RecordNode(Node):
 
     def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:
         try:
-            message = message_type(kind)
+            message = interface(kind)
             self._recording.add_topic(name, kind, [offered_qos(profile) for profile in offered])
         except (NotFound, BagError) as error:
             self.get_logger().warning(f"{name} is left out: {error}")

@@ -1,4 +1,4 @@
-"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, node."""
+"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, node."""
 
 from __future__ import annotations
 
@@ -102,6 +102,12 @@ def topic_hz(args: argparse.Namespace) -> None:
     rate(args.topic, args.window)
 
 
+def service_call(args: argparse.Namespace) -> None:
+    from .graph_node import call
+
+    call(args.service, args.type, args.values)
+
+
 def node_list(_: argparse.Namespace) -> None:
     from .graph_node import nodes
 
@@ -158,6 +164,12 @@ def parser() -> argparse.ArgumentParser:
     one = verb(topic, "hz", topic_hz, "print the rate of a topic every second")
     one.add_argument("topic")
     one.add_argument("-w", "--window", type=int, default=10000, help="messages to average over")
+
+    service = group("service", "use services")
+    one = verb(service, "call", service_call, "call a service and print its response")
+    one.add_argument("service")
+    one.add_argument("type", help="e.g. std_srvs/srv/Trigger")
+    one.add_argument("values", nargs="?", default="{}", help="the request in YAML, e.g. '{data: true}'")
 
     node = group("node", "look at nodes")
     verb(node, "list", node_list, "name the nodes")
