@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tt_core.states import RacketState
@@ -55,7 +55,8 @@ def choose(
             return Choice(nearest, rackets[nearest], target, swing, ())
         reasons.append(f"{nearest} adjusted: {swing.reason}")
     for i, racket in enumerate(rackets):
-        target = reach(model, racket, start.q, params)
+        left = min(10.0, max(0.05, racket.time - start.time))
+        target = reach(model, racket, start.q, replace(params, swing_time=left, acceleration=limits.acceleration), qdot=start.qdot)
         swing = plan(model, start, target, racket.time, limits)
         if swing.reason is None:
             return Choice(i, racket, target, swing, tuple(reasons))

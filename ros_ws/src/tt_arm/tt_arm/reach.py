@@ -33,8 +33,8 @@ STEP_LEAST = 0.01  # rad, where the refinement ends
 class ReachParams:
     """What the choice among the postures weighs."""
 
-    swing_time: float = 0.38  # s, from rest at the seed to the strike; what is possible in it weighs each joint; our choice
-    acceleration: float = 10.0  # rad/s^2, for the swing time; half of what the swing may use, to be quiet
+    swing_time: float = 0.38  # s, from the seed to the strike; what is possible in it weighs each joint; `choose` sets what is left
+    acceleration: float = 10.0  # rad/s^2, for the swing time; `choose` sets that of the swing
     affordable: float = 0.9  # share of what is possible that may be spent to keep the face from turning; our choice
     turning_weight: float = 0.03  # s/rad, cost of the rate at which the face normal turns, against the share spent
     margin: float = 0.03  # rad, kept from the position limits, beside the room to brake
@@ -117,7 +117,7 @@ def _posture(
 ) -> tuple[float, Array, Array]:  # fmt: skip
     """Cost, q (7,) and qdot (7,) of the best posture with both freedoms given; inf as soon as the cost is seen to exceed `bound`.
 
-    limits: (7, 3) low, high, speed. weights: (5,) swing time, acceleration, affordable, turning, margin.
+    seed: (2, 7) q, qdot. limits: (7, 3) low, high, speed. weights: (5,) swing time, acceleration, affordable, turning, margin.
     """
     q, qdot, other = np.empty(7), np.zeros(7), np.empty(7)
     c, s = math.cos(turn), math.sin(turn)
@@ -128,7 +128,7 @@ def _posture(
     nearest = np.inf
     for branch in range(8):
         wound = other.copy()
-        far = _wind(wound, branch, seed, limits)
+        far = _wind(wound, branch, seed[0], limits)
         if far < nearest:
             nearest, q = far, wound
     if nearest > 1e3:
@@ -149,8 +149,8 @@ def _posture(
         wanted[3:] = 0.0
         in_time = True
         for i in range(7):  # the joint speeds possible at the strike
-            high = fastest(time, q[i] - seed[i], 0.0, speed[i], acceleration)
-            low = -fastest(time, seed[i] - q[i], 0.0, speed[i], acceleration)
+            high = fastest(time, q[i] - seed[0, i], seed[1, i], speed[i], acceleration)
+            low = -fastest(time, seed[0, i] - q[i], -seed[1, i], speed[i], acceleration)
             middle[i], half[i] = 0.5 * (high + low), 0.5 * (high - low)
             wanted -= rows[:, i] * middle[i]
             in_time = in_time and high > low
@@ -183,7 +183,7 @@ def search(
         for j in range(grid):
             costs[i, j] = _posture(i * step, j * step, position, rotation, velocity, seed, limits, weights, chain, least)[0]
             least = min(least, costs[i, j])
-    best, q, qdot = np.inf, seed.copy(), np.zeros(7)
+    best, q, qdot = np.inf, seed[0].copy(), np.zeros(7)
     for _ in range(STARTS):
         at = np.argmin(costs)
         i, j = at // grid, at % grid
@@ -241,12 +241,13 @@ def reach(
     seed: Array,
     params: ReachParams | None = None,
     *,
+    qdot: Array | None = None,
     method: Literal["best", "near", "liu"] = "best",
 ) -> Reach:
     """The posture and joint speeds that put the face centre, its normal and its velocity where `racket` wants them.
 
-    seed: (7,) rad, from where the arm will come. method: "best" searches both freedoms; "near" takes the posture that Newton's method finds
-    from the seed, with the least joint speeds; "liu" is (4.62)-(4.65) as printed. Raises BadShape, NotFinite.
+    seed: (7,) rad, from where the arm will come; qdot: (7,) rad/s, if it moves there. method: "best" searches both freedoms; "near"
+    takes the posture that Newton's method finds from the seed, with the least joint speeds; "liu" is (4.62)-(4.65) as printed. Raises BadShape, NotFinite.
     """
     params = params or ReachParams()
     seed = check_array("seed", seed, (7,)).copy()
@@ -255,7 +256,8 @@ def reach(
     if method == "best":
         limits = np.column_stack([model.position_limits, speed])
         weights = np.array([params.swing_time, params.acceleration, params.affordable, params.turning_weight, params.margin])
-        cost, q, qdot = search(position, rotation, velocity, seed, limits, weights, params.grid, model.chain)
+        start = np.array([seed, np.zeros(7) if qdot is None else check_array("qdot", qdot, (7,))])
+        cost, q, qdot = search(position, rotation, velocity, start, limits, weights, params.grid, model.chain)
         if math.isinf(cost):
             return Reach(seed, np.zeros(7), math.inf, 0.0, "out of reach")
     else:
