@@ -26,6 +26,7 @@ launch:
       param:
         - {name: speed, value: $(var speed)}
         - {name: limits, value: [1.0, 2.5]}
+        - {name: device, value: $(env TT_UNKNOWN 0), type: str}
         - {from: $(dirname)/more.yaml}
       remap:
         - {from: /in, to: /out}
@@ -57,6 +58,7 @@ def test_a_node_becomes_a_command_with_ros_arguments(file, tmp_path):
         ("-r", "/in:=/out"),
         ("-p", "speed:=2.5"),
         ("-p", "limits:=[1.0, 2.5]"),
+        ("-p", 'device:="0"'),
         ("--params-file", f"{tmp_path}/more.yaml"),
     }
 
@@ -84,6 +86,7 @@ def test_substitutions(monkeypatch, tmp_path):
         ("launch: [{arg: {name: a, default: 1.0}}]", "default of a must be a quoted string, got 1.0"),
         ("launch: [{arg: {name: a, description: why}}]", r"needs a:= \(why\)"),
         ("launch: [{executable: {cmd: ls, on_exit: respawn}}]", "on_exit can only be shutdown"),
+        ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: ''}]}}]", "parameter c of b is empty"),
         ("nodes: []", "is no launch file"),
         ("launch: [", "is no launch file"),
     ],

@@ -23,7 +23,7 @@ launch:
       name: witness
       namespace: court
       param:
-        - {name: output, value: $(var output)}
+        - {name: output, value: $(var output), type: str}
 """
 
 
@@ -93,7 +93,7 @@ def test_launch_starts_named_nodes_and_leaves_none(ros2, probe, until, tmp_path)
     file, bag = tmp_path / "test.launch.yaml", tmp_path / "bag"
     file.write_text(LAUNCH)
     system = ros2("launch", str(file), f"output:={bag}")
-    until(lambda: ("witness", "/court") in probe.get_node_names_and_namespaces(), probe)
+    until(lambda: (bag / "bag.mcap").is_file() and ("witness", "/court") in probe.get_node_names_and_namespaces(), probe)
     system.send_signal(signal.SIGINT)
     told = system.communicate(timeout=20)[0]
     assert system.returncode == 0, told

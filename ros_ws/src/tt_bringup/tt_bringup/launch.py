@@ -140,8 +140,10 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
                 yield from ("--params-file", fill(param["from"]))
                 continue
             value = fill(param["value"]) if isinstance(param["value"], str) else json.dumps(param["value"])
+            if param.get("type") == "str":
+                value = json.dumps(value)
             if not value:
-                raise LaunchError(f"parameter {param['name']} of {keys['exec']} is empty")
+                raise LaunchError(f"parameter {param['name']} of {keys['exec']} is empty; it needs type: str")
             yield from ("-p", f"{fill(param['name'])}:={value}")
 
     found = []
