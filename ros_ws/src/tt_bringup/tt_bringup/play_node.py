@@ -26,6 +26,7 @@ from .record import BagError, open_bag
 DEPTH = 1000  # messages that a slow subscriber may be behind
 POLL = 0.05  # s between two looks for subscribers
 FIRST, QUIET = 30.0, 3.0  # s to wait for the first subscriber, and after each for one more: nodes that start together come together
+RECORDERS = {"record", "rosbag2_recorder"}  # nodes that subscribe to whatever there is: it is not for them that we wait
 MATCH = 0.2  # s until a subscriber that we know knows us too
 ACKNOWLEDGED = Duration(seconds=2)  # to wait at the end for reliable subscribers
 
@@ -70,17 +71,19 @@ class PlayNode(Node):
             self._clock_output.publish(Clock(clock=Time(sec=time // 10**9, nanosec=time % 10**9)))
 
     def wait_for_subscribers(self) -> int:
-        """Until each topic has one or no more come, the clock standing at the start; tells how many topics have one."""
+        """Until each topic has one or no more come, the clock standing at the start; the number of topics that have one."""
         matched, end = 0, time.monotonic() + FIRST
         while matched < len(self._outputs) and time.monotonic() < end:
             time.sleep(POLL)
             self._tick(self._reader.start_time)
-            now = sum(output.get_subscription_count() > 0 for output in self._outputs.values())
+            now = sum(self._has_listener(output) for output in self._outputs.values())
             if now > matched:
                 matched, end = now, time.monotonic() + QUIET
-        if matched:
-            time.sleep(MATCH)
+        time.sleep(MATCH)
         return matched
+
+    def _has_listener(self, output: Publisher) -> bool:
+        return any(info.node_name not in RECORDERS for info in self.get_subscriptions_info_by_topic(output.topic_name))
 
     def play(self, rate: float) -> int:
         """Publishes all and tells how many messages that were. rate: recorded seconds in a second."""
@@ -125,7 +128,7 @@ def play(
         try:
             node = PlayNode(reader, topics, remap or {}, clock, context)
             time.sleep(delay)
-            print(f"playing {bag}: {node.wait_for_subscribers()} of its topics have subscribers", flush=True)
+            print(f"playing {bag}: {node.wait_for_subscribers()} of its topics have a listener", flush=True)
             return node.play(rate)
         finally:
             context.try_shutdown()
