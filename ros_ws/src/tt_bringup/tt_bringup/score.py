@@ -10,7 +10,6 @@ from tt_core.constants import RPM
 from tt_core.flight import Aerodynamics, fly
 from tt_core.states import BallState, ReturnGoal
 
-
 SEEN_WITHIN = 0.5  # s from the launch to the last frame of its measurement
 
 

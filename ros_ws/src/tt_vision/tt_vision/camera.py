@@ -6,8 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
+from scipy.optimize import least_squares
 from tt_core.errors import BadShape, TtError, check_array, check_range
 from tt_core.states import Array
 
@@ -191,3 +193,83 @@ def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
         points = np.linalg.solve(normal, np.swapaxes(aw, 1, 2) @ (b * weight)[..., None])[..., 0]
         weight = 1.0 / np.repeat(np.stack([points @ row + shift for row, shift in depths], axis=1), 2, axis=1)
     return np.asarray(points, dtype=np.float64)
+
+
+def calibrate(
+    points: Array,
+    pixels: Array,
+    *,
+    width: int = 232,
+    height: int = 232,
+    pixel_size: float = 20e-6,
+    focal_length: float | None = None,
+    distortion: bool = False,
+    method: str = "nonlinear",
+) -> Camera:
+    """The camera that sees known points where they were seen.
+
+    points: (n, 3) m in `table`. pixels: (n, 2). width, height: pixels; the principal point is taken to be in the middle. pixel_size: m.
+    focal_length: m; estimated when None. distortion: whether k1 and k2 are estimated.
+    method: "nonlinear", pose (and what else is asked for) by least squares in the image (B.71), from the linear solution; "linear", that
+    solution alone (Appendix B.2.4), for which six points that are not in one plane suffice. Raises TtError when the points do not.
+    """
+    if method not in ("nonlinear", "linear"):
+        raise TtError(f"method {method!r} is neither 'nonlinear' nor 'linear'")
+    points, pixels = check_array("points", points, (-1, 3)), check_array("pixels", pixels, (-1, 2))
+    if len(points) != len(pixels):
+        raise BadShape("pixels", pixels.shape, (len(points), 2))
+    middle = np.array([(width - 1) / 2, (height - 1) / 2])
+    rotation, translation, focal = _resection(points, pixels - middle, None if focal_length is None else focal_length / pixel_size)
+
+    def camera(x: Array) -> Camera:
+        turned = cv2.Rodrigues(x[:3])[0] @ rotation
+        focal_length_now = focal_length if focal_length is not None else math.exp(x[6]) * pixel_size
+        return Camera(
+            turned, x[3:6], focal_length_now, pixel_size, width, height, None, np.append(x[7:9], [0.0, 0.0]) if distortion else None
+        )
+
+    start = np.concatenate([np.zeros(3), translation, [math.log(focal)], np.zeros(2)])
+    if method == "linear":
+        return camera(start)
+    free = np.array([True] * 6 + [focal_length is None] + [distortion] * 2)
+
+    def misses(x: Array) -> Array:
+        full = start.copy()
+        full[free] = x
+        return (camera(full).project(points) - pixels).ravel()
+
+    found = start.copy()
+    found[free] = least_squares(misses, start[free], x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    return camera(found)
+
+
+def _resection(points: Array, pixels: Array, focal: float | None) -> tuple[Array, Array, float]:
+    """(rotation, translation, focal length in pixels) from pixels counted from the principal point, linear: rows of (B.70) times depth."""
+    if len(points) < 6:
+        raise TtError(f"{len(points)} points cannot calibrate a camera, 6 needed")
+    centre, scale = points.mean(axis=0), max(float(points.std()), 1e-12)
+    homogeneous = np.column_stack([(points - centre) / scale, np.ones(len(points))])
+    size = max(float(np.abs(pixels).max()), 1e-12)
+    zero, (u, v) = np.zeros_like(homogeneous), (pixels / size).T[..., None]
+    rows = np.vstack([np.hstack([homogeneous, zero, -u * homogeneous]), np.hstack([zero, homogeneous, -v * homogeneous])])
+    _, singular, v_t = np.linalg.svd(rows)
+    if singular[-2] < 1e-6 * singular[0]:
+        raise TtError("the points lie in one plane or in another way leave the camera open")
+    p = v_t[-1].reshape(3, 4)
+    p[:2] *= size
+    m = p[:, :3] / scale
+    t = p[:, 3] - m @ centre
+    length = np.linalg.norm(m[2])
+    m, t = m / length, t / length
+    if (points @ m[2] + t[2]).mean() < 0.0:
+        m, t = -m, -t
+    if focal is None:  # the rows of K R about the principal point: f is their length across the line of sight
+        focal = math.sqrt(0.5 * sum(float(row @ row - (row @ m[2]) ** 2) for row in m[:2]))
+    u_, _, w = np.linalg.svd(m / np.array([[focal], [focal], [1.0]]))
+    rotation = u_ @ np.diag([1.0, 1.0, np.linalg.det(u_ @ w)]) @ w
+    # with the rotation fixed the translation follows from the pixels
+    seen = points @ rotation.T
+    a = np.zeros((2 * len(points), 3))
+    a[0::2, 0], a[1::2, 1], a[:, 2] = focal, focal, -pixels.ravel()
+    b = (pixels * seen[:, 2:] - focal * seen[:, :2]).ravel()
+    return rotation, np.linalg.lstsq(a, b, rcond=None)[0], focal

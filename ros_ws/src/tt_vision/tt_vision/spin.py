@@ -13,17 +13,20 @@ from tt_core.states import Array
 from .camera import Camera
 from .centre import Image, Spot, find_ball
 from .motion import Motion, fit_motion
+from .printed import method_1, method_2
 from .registration import GATE, register
 from .surface import DULL, unwrap
 
 SYSTEMATIC = 5.0 * RPM  # rad/s, standard deviation of what noise does not explain: light, centres
 CORRELATED = 4.0  # neighbouring points share pixels: the least squares counts each pixel about four times
 UNKNOWN = 1e6  # (rad/s)^2
+PRINTED = {"liu": method_2, "correlation": method_1}
 
 
 @dataclass(frozen=True, eq=False)
 class SpinEstimate:
-    """spin: (3,) rad/s in `table`; covariance: (3, 3). residual: 0 for marks that agree in all images, 1 for unrelated ones.
+    """spin: (3,) rad/s in `table`; covariance: (3, 3), large for the printed methods, which tell none. residual: 0 for marks that agree in
+    all images, 1 for unrelated ones; of the printed methods E (2.32) and V (2.21).
 
     reason: None, or why there is no estimate: then spin is zero and the covariance large. iterations: rotations tried or steps taken.
     """
@@ -59,9 +62,12 @@ def estimate_spin(
         for spot in row:
             if spot.reason is not None:
                 return refused(spot.reason)
-    motion = motion or fit_motion(frames, spots, times, cameras)
     if method == "registration":
+        motion = motion or fit_motion(frames, spots, times, cameras)
         return _by_registration(frames, times, cameras, motion, spots)
+    if method in PRINTED:
+        spin, residual, iterations = PRINTED[method](frames, spots, times, cameras)
+        return SpinEstimate(spin, UNKNOWN * np.eye(3), residual, None, iterations)
     raise TtError(f"method {method!r} is none of 'registration', 'liu', 'correlation'")
 
 

@@ -1,0 +1,156 @@
+"""The spin is found, at any speed and about any axis, or refused."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from tt_core.constants import RPM
+from tt_core.errors import TtError
+from tt_sim.render import Lamp, Lamps, Noise, Texture
+from tt_vision.centre import find_ball
+from tt_vision.motion import fit_motion
+from tt_vision.registration import compare_all, left_jacobian, rotation_matrix
+from tt_vision.spin import estimate_spin
+from tt_vision.surface import unwrap
+
+vectors = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
+
+
+def miss(shot, **options):
+    estimate = estimate_spin(shot.frames, shot.times, shot.cameras, **options)
+    assert estimate.reason is None, estimate.reason
+    return np.linalg.norm(estimate.spin - shot.ball.spin) / RPM
+
+
+@given(vectors)
+def test_the_rotation_is_the_exponential(v):
+    assert rotation_matrix(v) == pytest.approx(Rotation.from_rotvec(v).as_matrix(), abs=1e-12)
+
+
+@given(vectors, vectors)
+def test_the_left_jacobian_is_that_of_finite_differences(v, d):
+    h = 1e-6
+    turned = Rotation.from_rotvec(v + h * d) * Rotation.from_rotvec(v).inv()
+    assert turned.as_rotvec() / h == pytest.approx(left_jacobian(v) @ d, abs=1e-4)
+
+
+AXES = [(1, 0, 0), (0, -1, 0), (0, 0, 1), (-0.6, 0.0, 0.8), (0.5, -0.7, -0.5)]
+
+
+@pytest.mark.parametrize(("speed", "axis"), [*itertools.product((500.0, 3000.0, 9000.0), AXES), (0.0, (0, 0, 1))])
+def test_the_spin_is_found(film, speed, axis):
+    shot = film(round(speed) + len(str(axis)), spin=speed * np.array(axis) / np.linalg.norm(axis))
+    # rpm, what is promised at 95 %; of 300 bursts the worst was 22
+    assert miss(shot) < 30.0
+
+
+def test_the_covariance_covers_the_error(footage):
+    estimate = estimate_spin(footage.frames, footage.times, footage.cameras)
+    error = estimate.spin - footage.ball.spin
+    assert error @ np.linalg.solve(estimate.covariance, error) < 16.3  # chi-square of 3, 99.9 %
+    assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
+
+
+def test_the_same_images_in_a_turned_world_turn_the_spin(footage):
+    turn = Rotation.from_rotvec([0.0, 0.0, 1.0]).as_matrix()
+    import dataclasses
+
+    turned = [dataclasses.replace(c, rotation=c.rotation @ turn.T) for c in footage.cameras]
+    one = estimate_spin(footage.frames, footage.times, footage.cameras).spin
+    other = estimate_spin(footage.frames, footage.times, turned).spin
+    # 2 rpm: cells and points of the search lie otherwise on the ball
+    assert np.linalg.norm(other - turn @ one) / RPM < 2.0
+
+
+def test_time_run_backwards_turns_backwards(footage):
+    one = estimate_spin(footage.frames, footage.times, footage.cameras).spin
+    other = estimate_spin(footage.frames[:, ::-1], footage.times, footage.cameras).spin
+    assert np.linalg.norm(one + other) / RPM < 4.0  # gravity now pulls upwards: 0.03 m/s, shared over two cameras
+
+
+def test_a_frame_lost_in_the_middle_does_not_matter(footage):
+    kept = [0, 1, 2, 4, 5]
+    estimate = estimate_spin(footage.frames[:, kept], footage.times[kept], footage.cameras)
+    assert np.linalg.norm(estimate.spin - footage.ball.spin) / RPM < 30.0
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"lamps": Lamps((Lamp((2.1, 0.2, 0.8), 0.35),), 0.2)},
+        {"lamps": Lamps((), 0.7)},
+        {"noise": Noise(gamma=2.2)},
+        {"noise": Noise(bits=10)},
+        {"noise": Noise(lens_blur=1.2)},
+        {"noise": Noise(read=300.0)},
+        {"texture": Texture.drawn(9, blobs=20)},
+    ],
+    ids=["one lamp", "no lamp", "gamma", "10 bit", "out of focus", "noisy", "20 marks"],
+)
+def test_other_light_lenses_and_balls_do_not_matter(film, scene, parts):
+    assert miss(film(21, scene=scene(**parts))) < 30.0
+
+
+def test_one_camera_alone_is_enough(film):
+    shot = film(22, fastest=5000.0)
+    estimate = estimate_spin(shot.frames[:1], shot.times, shot.cameras[:1])
+    assert estimate.reason is None
+    assert np.linalg.norm(estimate.spin - shot.ball.spin) / RPM < 100.0
+
+
+def test_a_bare_ball_is_refused(film, scene):
+    shot = film(23, scene=scene(texture=Texture.plain()))
+    estimate = estimate_spin(shot.frames, shot.times, shot.cameras)
+    assert estimate.reason == "no marks on the ball"
+    assert estimate.covariance[0, 0] >= 1e6
+
+
+def test_marks_of_another_ball_are_refused(film):
+    one, other = film(24, velocity=[-5.0, 0, 0]), film(25, velocity=[-5.0, 0, 0])
+    mixed = one.frames.copy()
+    mixed[:, 1::2] = other.frames[:, 1::2]
+    estimate = estimate_spin(mixed, one.times, one.cameras)
+    assert estimate.reason is not None
+
+
+def test_too_fast_to_tell_is_refused(film):
+    shot = film(26, spin=[0.0, 14000.0, 12000.0])
+    assert "do not agree" in estimate_spin(shot.frames, shot.times, shot.cameras).reason
+
+
+def test_the_step_of_the_refinement_leads_to_the_spin(footage):
+    """From 20 rpm away in any direction one Gauss-Newton step comes within 2 rpm of where the next one stays."""
+    spots = [[find_ball(i) for i in row] for row in footage.frames]
+    motion = fit_motion(footage.frames, spots, footage.times, footage.cameras)
+    backgrounds = np.array([[s.background for s in row] for row in spots])
+    centred = footage.times - footage.times.mean()
+    s = unwrap(footage.frames, backgrounds, motion.positions(footage.times), motion.offsets, centred, footage.cameras)
+    best = estimate_spin(footage.frames, footage.times, footage.cameras).spin
+    points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
+    for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
+        h, g, _, _ = compare_all(start, points, s.marks, s.weights, s.views, s.frame, s.times)
+        assert np.linalg.norm(start - np.linalg.solve(h, g) - best) / RPM < 4.0
+
+
+def test_method_2_finds_slow_spin_near_its_start(film):
+    shot = film(27, spin=[700.0, -800.0, 600.0])
+    # the dissertation: 89 % within 200 rpm in speed
+    assert miss(shot, method="liu") < 300.0
+
+
+def test_method_1_sees_a_turn_across_the_line_of_sight(film):
+    estimate_of = estimate_spin(*(lambda s: (s.frames, s.times, s.cameras))(film(28, spin=[2000.0, 0.0, 0.0])), method="correlation")
+    assert estimate_of.spin[0] / RPM == pytest.approx(2000.0, abs=1000.0)  # one pixel of shift a frame is 250 rpm, and marks at the rim lag
+    assert np.abs(estimate_of.spin[1:]).max() / RPM < 700.0
+
+
+def test_arguments_that_do_not_fit_say_so(footage):
+    with pytest.raises(TtError, match="'magic' is none of"):
+        estimate_spin(footage.frames, footage.times, footage.cameras, method="magic")
+    with pytest.raises(TtError, match="frames"):
+        estimate_spin(footage.frames, footage.times[:5], footage.cameras)
+    with pytest.raises(TtError, match="rise"):
+        estimate_spin(footage.frames, footage.times[::-1], footage.cameras)
