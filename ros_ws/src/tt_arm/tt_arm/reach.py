@@ -247,7 +247,8 @@ def reach(
     """The posture and joint speeds that put the face centre, its normal and its velocity where `racket` wants them.
 
     seed: (7,) rad, from where the arm will come; qdot: (7,) rad/s, if it moves there. method: "best" searches both freedoms; "near"
-    takes the posture that Newton's method finds from the seed, with the least joint speeds; "liu" is (4.62)-(4.65) as printed. Raises BadShape, NotFinite.
+    takes the posture that Newton's method finds from the seed, with the least joint speeds; "liu" is (4.62)-(4.65) as printed.
+    Raises BadShape, NotFinite.
     """
     params = params or ReachParams()
     seed = check_array("seed", seed, (7,)).copy()
