@@ -14,6 +14,7 @@ from tt_core.ros.qos import LATEST
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 
+from .choice import ChoiceParams
 from .control import ArmControl, ControlParams, warm
 from .guard import GuardParams
 from .model import BASE, MOUNT, WAITING, ArmModel
@@ -38,6 +39,7 @@ class ArmNode(Node):
             declare(self, ReachParams, "reach."),
             declare(self, ServoParams, "servo."),
             declare(self, GuardParams, "guard."),
+            declare(self, ChoiceParams, "choice."),
             declare(self, ControlParams),
         )
         self.status = Status(self)

@@ -6,11 +6,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from tt_core.errors import check_range
 from tt_core.states import RacketState
 
 from .model import ArmModel
 from .reach import Reach, ReachParams, adjust, reach
 from .swing import Joints, Swing, SwingLimits, plan
+
+
+@dataclass(frozen=True, slots=True)
+class ChoiceParams:
+    """How long the arm looks among the candidates."""
+
+    tries: int = 6  # candidates that are worked out, 3 ms each
+    spare: float = 0.02  # s, that the strike should be later than the earliest possible; the first such candidate is taken at once
+
+    def __post_init__(self) -> None:
+        check_range("tries", self.tries, 1, 100)
+        check_range("spare", self.spare, 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,10 +52,11 @@ def choose(
     rackets: Sequence[RacketState],
     start: Joints,
     limits: SwingLimits,
-    params: ReachParams,
+    reaching: ReachParams,
+    params: ChoiceParams,
     current: tuple[RacketState, Reach] | None = None,
 ) -> Choice:
-    """The first candidate that the arm can make from `start` within its limits.
+    """The first candidate that the arm can make from `start` with time to spare, else the one with most time, within its limits.
 
     current: the stroke on its way, adjusted where it can be. A stroke out of reach raises nothing: it is a reason.
     """
@@ -54,11 +68,15 @@ def choose(
         if swing.reason is None:
             return Choice(nearest, rackets[nearest], target, swing, ())
         reasons.append(f"{nearest} adjusted: {swing.reason}")
-    for i, racket in enumerate(rackets):
+    best, most = Choice(None, None, None, None, ()), -np.inf
+    for i, racket in enumerate(rackets[: params.tries]):
         left = min(10.0, max(0.05, racket.time - start.time))
-        target = reach(model, racket, start.q, replace(params, swing_time=left, acceleration=limits.acceleration), qdot=start.qdot)
+        target = reach(model, racket, start.q, replace(reaching, swing_time=left, acceleration=limits.acceleration), qdot=start.qdot)
         swing = plan(model, start, target, racket.time, limits)
-        if swing.reason is None:
-            return Choice(i, racket, target, swing, tuple(reasons))
-        reasons.append(f"{i}: {swing.reason}")
-    return Choice(None, None, None, None, tuple(reasons))
+        spare = racket.time - swing.earliest
+        if swing.reason is None and spare > most:
+            best, most = Choice(i, racket, target, swing, ()), spare
+        if most >= params.spare:
+            break
+        reasons.append(f"{i}: {swing.reason or f'only {1e3 * spare:.0f} ms to spare'}")
+    return replace(best, reasons=tuple(reasons))

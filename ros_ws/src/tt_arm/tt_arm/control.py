@@ -9,7 +9,7 @@ import numpy as np
 from tt_core.errors import check_range
 from tt_core.states import Array, RacketState
 
-from .choice import Choice, apart, choose
+from .choice import Choice, ChoiceParams, apart, choose
 from .guard import Guard, GuardParams
 from .model import ArmModel
 from .reach import Reach, ReachParams, reach
@@ -53,10 +53,11 @@ class ArmControl:
         reaching: ReachParams | None = None,
         servo: ServoParams | None = None,
         guard: GuardParams | None = None,
+        choosing: ChoiceParams | None = None,
         params: ControlParams | None = None,
     ) -> None:
         self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
-        self.servo, self.params = servo or ServoParams(), params or ControlParams()
+        self.servo, self.choosing, self.params = servo or ServoParams(), choosing or ChoiceParams(), params or ControlParams()
         self.guard = Guard(model, guard)
         self.enabled = False
         self.joints: Joints | None = None
@@ -102,7 +103,7 @@ class ArmControl:
             current = None
         time = self.joints.time + self.params.ahead
         path = self.coming if self.coming is not None and self.coming.start.time <= time else self.swing
-        choice = choose(self.model, rackets, Joints(time, *path.sample(time)), self.limits, self.reaching, current)
+        choice = choose(self.model, rackets, Joints(time, *path.sample(time)), self.limits, self.reaching, self.choosing, current)
         if choice.swing is not None and choice.racket is not None and choice.reach is not None:
             self.coming, self.stroke = choice.swing, (choice.racket, choice.reach)
         return choice

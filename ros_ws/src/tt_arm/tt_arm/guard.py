@@ -19,7 +19,7 @@ class GuardParams:
     """What the guard lets through."""
 
     acceleration: float = 40.0  # rad/s^2, steepest change of a command; twice what a swing uses
-    braking: float = 10.0  # rad/s^2, that a joint can surely brake with
+    braking: float = 20.0  # rad/s^2, that a joint can surely brake with; what a swing uses
     margin: float = 0.01  # rad, kept from the position limits
     tolerance: float = 0.02  # rad, a joint measured further than this beyond its limit means that something is broken
     stale: float = 0.05  # s without a joint state, after which the arm stops; 25 ticks of 2 ms

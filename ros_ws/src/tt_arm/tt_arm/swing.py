@@ -54,12 +54,14 @@ class SwingLimits:
     speed_share: float = 1.0  # of the speed limits, Table A.12
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
     unhurried_return: float = 1.6  # and so does the way back
+    margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
     clearance: float = 0.010  # m, that racket and forearm keep from the table; our choice
     profile: str = "auto"  # of a joint: quintic, trapezoid, or auto: the quintic where it keeps the limits
 
     def __post_init__(self) -> None:
         check_range("acceleration", self.acceleration, 0.1, 1000.0)
         check_range("speed_share", self.speed_share, 0.01, 1.0)
+        check_range("margin", self.margin, 0.0, 0.5)
         check_range("clearance", self.clearance, 0.0, 0.5)
         check_range("unhurried", self.unhurried, 1.0, 10.0)
         check_range("unhurried_return", self.unhurried_return, 1.0, 10.0)
@@ -167,14 +169,14 @@ def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Arra
     return low, high, speed, acceleration
 
 
-def _beyond(model: ArmModel, parts: tuple[Array, Array, float], clearance: float) -> str | None:
+def _beyond(model: ArmModel, parts: tuple[Array, Array, float], limits: SwingLimits) -> str | None:
     """What would be hit on the way, a joint's end or the table, for knots, coefficients and duration."""
     low, high, _, _ = extremes(parts[2], *parts[:2])
     outside = np.maximum(model.position_limits[:, 0] - low, high - model.position_limits[:, 1])
-    if outside.max() > 0.0:
-        return f"joint {model.names[int(outside.argmax())]} would run {outside.max():.3f} rad beyond its limit on the way"
+    if outside.max() > -limits.margin:
+        return f"joint {model.names[int(outside.argmax())]} would come within {max(0.0, -outside.max()):.3f} rad of its limit on the way"
     left = path_clearance(parts[2], COARSE, *parts[:2], model.chain)
-    return f"the racket would come within {max(0.0, 1e3 * left):.0f} mm of the table on the way" if left < clearance else None
+    return f"the racket would come within {max(0.0, 1e3 * left):.0f} mm of the table on the way" if left < limits.clearance else None
 
 
 def _assemble(
@@ -242,13 +244,13 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
                 approach = time if moving else min(time, hurry * shortest)
                 slow = brake * float(np.abs(target.qdot).max()) / limits.acceleration
                 parts = _assemble(model, start, (time - approach, approach), target, slow, limits, profile, least)
-                reason = _beyond(model, parts, limits.clearance)
+                reason = _beyond(model, parts, limits)
                 if reason is None:
                     return Swing(start, strike_time, start.time + parts[2], earliest, None, *parts[:2])
     here = Reach(q0, v0 if moving else np.zeros(7), 0.0, 0.0, None)
     for brake in (SOFT, 1.0):
         slow = brake * float(np.abs(v0).max()) / limits.acceleration
         parts = _assemble(model, start, (0.0, 0.0), here, slow, limits, limits.profile if brake == SOFT else "trapezoid", least)
-        if _beyond(model, parts, limits.clearance) is None:
+        if _beyond(model, parts, limits) is None:
             break
     return Swing(start, math.inf, start.time + parts[2], earliest, reason, *parts[:2])
