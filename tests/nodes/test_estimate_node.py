@@ -20,7 +20,7 @@ from tt_sim.render import Scene
 from tt_vision.rig import high_speed_pair
 
 SIDES = ("left", "right")
-BALL = BallState(0.0, [2.62, 0.7625, 0.27], [-5.0, 0.1, 1.0], np.array([100.0, -3000.0, 500.0]) * RPM)
+BALL = BallState(0.0, [2.62, 0.7625, 0.34], [-5.0, 0.1, 1.0], np.array([100.0, -3000.0, 500.0]) * RPM)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from .camera import Camera
 
 FRAME_RATE = 900.0  # 1/s, dissertation Section 2.1
 EXPOSURE = 200e-6  # s; not printed in the dissertation; spin stays sharp up to here
-VIEW_CENTRE = (2.52, 0.7625, 0.295)  # m, just after the launcher at (2.62, 0.7625, 0.27)
+VIEW_CENTRE = (2.52, 0.7625, 0.365)  # m, just after the launcher at (2.62, 0.7625, 0.34)
 DISTANCE = 1.0  # m from the view centre: the ball is 70 pixels wide
 APART = math.radians(45.0)  # between the two lines of sight
 PIXEL_SIZE = 20e-6  # m, dissertation Table A.6

@@ -3,7 +3,7 @@
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 SENSOR = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)  # images: one burst of a ball fits
-RELIABLE = QoSProfile(depth=10)
+RELIABLE = QoSProfile(depth=100)  # a recorder on a busy machine is 0.1 s behind
 LATEST = QoSProfile(depth=1)  # only the newest matters
 TRUTH = QoSProfile(depth=1000)  # /sim/*: nothing may be lost in evaluation
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
