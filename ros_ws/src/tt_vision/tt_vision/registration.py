@@ -78,7 +78,7 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
     for rotation in chosen:
         spin = rotation / gap
         for _ in range(4):
-            cost, _, h, g = compare_pairs(spin, points, before, pairs, s.soft, *where, s.times, s.contrast)
+            cost, _, h, g = compare_pairs(spin, points, before, pairs, s.soft, *where, s.times, s.soft_contrast)
             spin = spin - _step(h, g, 0.1 / gap)
         trials.append((cost, spin))
     spin = min(trials, key=lambda trial: trial[0])[1]

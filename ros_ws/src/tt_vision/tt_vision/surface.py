@@ -33,7 +33,7 @@ class Surface:
     marks, soft: (images, n, n) float32, cut out around the ball; `soft` is blurred, for coarse search. weights: (images, n, n), 0 where
     nothing is known. views: (images, 23), as Camera.vector but with the ball's centre, aligned to its outline, in place of the translation
     and the principal point counted from the cut's corner; then the unit vector from ball to camera in `table`. frame: (images,) which.
-    times: (frames,) s from the middle of the burst. contrast: variance of the marks.
+    times: (frames,) s from the middle of the burst. contrast, soft_contrast: variances of `marks` and `soft`.
     """
 
     marks: np.ndarray
@@ -43,6 +43,7 @@ class Surface:
     frame: np.ndarray
     times: Array
     contrast: float
+    soft_contrast: float
 
 
 def unwrap(
@@ -69,9 +70,14 @@ def unwrap(
     for m in range(len(marks)):
         mass = cv2.GaussianBlur(weights[m], (0, 0), SOFT)
         soft[m] = cv2.GaussianBlur(marks[m] * weights[m], (0, 0), SOFT) / np.maximum(mass, 1e-3)
-    mean = np.average(marks, weights=weights)
-    contrast = float(np.average((marks - mean) ** 2, weights=weights))
-    return Surface(marks, soft, weights, table, np.arange(len(views)) % count, np.asarray(times, dtype=np.float64), contrast)
+    frame, from_middle = np.arange(len(views)) % count, np.asarray(times, dtype=np.float64)
+    return Surface(marks, soft, weights, table, frame, from_middle, _variance(marks, weights), _variance(soft, weights))
+
+
+def _variance(values: np.ndarray, weights: np.ndarray) -> float:
+    total = max(float(weights.sum()), 1e-12)
+    mean = float((weights * values).sum()) / total
+    return float((weights * (values - mean) ** 2).sum()) / total
 
 
 def _view(camera: Camera, centre: Array) -> Array:
