@@ -25,6 +25,7 @@ from .speeds import allocate, least_shares, least_shares_steady, steady_rows
 LIMIT_COST = 20.0  # per rad beyond the room kept from a position limit
 LATE_COST = 5.0  # for each of the times below that is too short
 LATER = (1.0, 1.4, 2.0, 3.0, 1e3)  # times the swing time; the last one asks what the joints can do at all
+FINER = 3  # times the grid, where the plain one finds no posture at all
 STARTS = 2  # postures of the grid that are refined
 STEP_LEAST = 0.01  # rad, where the refinement ends
 
@@ -258,8 +259,11 @@ def reach(
         limits = np.column_stack([model.position_limits, speed])
         weights = np.array([params.swing_time, params.acceleration, params.affordable, params.turning_weight, params.margin])
         start = np.array([seed, np.zeros(7) if qdot is None else check_array("qdot", qdot, (7,))])
-        cost, q, qdot = search(position, rotation, velocity, start, limits, weights, params.grid, model.chain)
-        if math.isinf(cost):
+        for finer in (1, FINER):
+            cost, q, qdot = search(position, rotation, velocity, start, limits, weights, finer * params.grid, model.chain)
+            if cost < math.inf:
+                break
+        else:
             return Reach(seed, np.zeros(7), math.inf, 0.0, "out of reach")
     else:
         found, q = newton(position, rotation[:, 2].copy(), seed, model.chain, 50, 1e-9)
