@@ -70,7 +70,7 @@ def choose(
         reasons.append(f"{nearest} adjusted: {swing.reason}")
     best, most = Choice(None, None, None, None, ()), -np.inf
     for i, racket in enumerate(rackets[: params.tries]):
-        left = min(10.0, max(0.05, racket.time - start.time))
+        left = min(10.0, max(0.05, racket.time - start.time - params.spare))
         target = reach(model, racket, start.q, replace(reaching, swing_time=left, acceleration=limits.acceleration), qdot=start.qdot)
         swing = plan(model, start, target, racket.time, limits)
         spare = racket.time - swing.earliest

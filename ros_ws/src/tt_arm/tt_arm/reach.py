@@ -24,7 +24,7 @@ from .speeds import allocate, least_shares, least_shares_steady, steady_rows
 
 LIMIT_COST = 20.0  # per rad beyond the room kept from a position limit
 LATE_COST = 5.0  # for each of the times below that is too short
-LATER = (1.0, 1.4, 2.0, 3.0, 1e3)  # times the swing time; the last one asks what the joints can do at all
+LATER = (1.0, 1.1, 1.4, 2.0, 3.0, 1e3)  # times the swing time; the last one asks what the joints can do at all
 FINER = 2  # times the grid, where the plain one finds no posture at all
 STARTS = 2  # postures of the grid that are refined
 STEP_LEAST = 0.01  # rad, where the refinement ends

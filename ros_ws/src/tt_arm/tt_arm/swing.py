@@ -53,7 +53,7 @@ class SwingLimits:
     acceleration: float = 20.0  # rad/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
     speed_share: float = 1.0  # of the speed limits, Table A.12
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
-    unhurried_return: float = 1.6  # and so does the way back
+    unhurried_return: float = 1.15  # and so does the way back: the next ball comes soon
     margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
     clearance: float = 0.010  # m, that racket and forearm keep from the table; our choice
     profile: str = "auto"  # of a joint: quintic, trapezoid, or auto: the quintic where it keeps the limits
