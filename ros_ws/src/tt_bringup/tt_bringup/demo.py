@@ -32,6 +32,7 @@ from tt_core.states import BallState, ReturnGoal
 from tt_racket.goal import GoalParams, answer
 
 from . import launch, packages
+from .report import page
 from .score import HEADER, Score, line, score
 
 READY = 90.0  # s until every node must be there; a cold start loads compiled kernels
@@ -172,7 +173,8 @@ def main() -> None:
         print(f"demo: {error}; the nodes' own words are in {out / 'log.txt'}", file=sys.stderr)
         raise SystemExit(1) from error
     print(summary(scores))
-    print(f"recorded: {out / 'bag'}")
+    (out / "report.html").write_text(page(out / "bag", scores))
+    print(f"recorded: {out / 'bag'}\nfigures:  {out / 'report.html'}")
     if args.json:
         args.json.write_text(json.dumps({"balls": [s.as_dict() for s in scores], "bag": str(out / "bag")}, indent=1) + "\n")
     if system.failed:

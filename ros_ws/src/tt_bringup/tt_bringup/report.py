@@ -1,0 +1,155 @@
+"""A page of figures of a recorded run: python -m tt_bringup.report BAG [FILE]."""
+
+from __future__ import annotations
+
+import html
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.colors import qualitative
+from plotly.subplots import make_subplots
+from rosbags.highlevel import AnyReader
+from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
+
+from .score import Score
+
+TOPICS = ("/sim/ball", "/ball/path", "/return/goal", "/joint_states", "/arm_trajectory_controller/joint_trajectory", "/diagnostics")
+PAUSE = 0.05  # s without a true ball, after which the next one is another; states are 2 ms apart
+STAGES = ("estimate", "predict", "racket", "arm")
+
+
+def _seconds(time: Any) -> float:
+    return time.sec + time.nanosec * 1e-9
+
+
+def _xyz(v: Any) -> list[float]:
+    return [v.x, v.y, v.z]
+
+
+def read(bag: Path) -> dict[str, list[Any]]:
+    """Messages by topic, those that the page shows. Raises what rosbags raises for a directory that is no bag."""
+    found = defaultdict(list)
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages([c for c in reader.connections if c.topic in TOPICS]):
+            found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    return found
+
+
+def balls(messages: Sequence[Any]) -> list[np.ndarray]:
+    """True balls one by one: (n, 4) time s, x, y, z m."""
+    rows = np.array([[_seconds(m.header.stamp), *_xyz(m.pose.pose.position)] for m in messages]).reshape(-1, 4)
+    return np.split(rows, np.flatnonzero(np.diff(rows[:, 0]) > PAUSE) + 1) if len(rows) else []
+
+
+def flights(found: dict[str, list[Any]]) -> go.Figure:
+    """Every ball from the side and from above: true, predicted, asked."""
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08, subplot_titles=("from the side", "from above"))
+    figure.add_shape(type="line", x0=0, x1=TABLE_LENGTH, y0=0, y1=0, line={"color": "#1b5e9b", "width": 4}, row=1, col=1)
+    figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=0, y1=NET_HEIGHT, line={"color": "#444", "width": 2}, row=1, col=1)
+    figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=0, y1=TABLE_WIDTH, line={"color": "#1b5e9b"}, row=2, col=1)
+    figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=0, y1=TABLE_WIDTH, line={"color": "#444"}, row=2, col=1)
+    for i, rows in enumerate(balls(found["/sim/ball"])):
+        colour = qualitative.Dark24[i % len(qualitative.Dark24)]
+        for row, axis in ((1, 3), (2, 2)):
+            shared = {"legendgroup": str(i), "mode": "lines", "line": {"color": colour}}
+            figure.add_scatter(x=rows[:, 1], y=rows[:, axis], name=f"ball {i + 1}", showlegend=row == 1, row=row, col=1, **shared)
+    for path in found["/ball/path"]:
+        points = np.array([_xyz(p.transforms[0].translation) for p in path.points])
+        for row, axis in ((1, 2), (2, 1)):
+            dotted = {"mode": "lines", "line": {"color": "#999", "dash": "dot"}, "name": "predicted", "legendgroup": "predicted"}
+            first = path is found["/ball/path"][0] and row == 1
+            figure.add_scatter(x=points[:, 0], y=points[:, axis], showlegend=first, row=row, col=1, **dotted)
+    asked = np.array([_xyz(m.points[0].transforms[0].translation) for m in found["/return/goal"]]).reshape(-1, 3)
+    figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker={"symbol": "x", "color": "black"}, name="asked", row=2, col=1)
+    figure.update_yaxes(title_text="z, m", scaleanchor="x", row=1, col=1, range=[-0.1, 0.7])
+    figure.update_yaxes(title_text="y, m", scaleanchor="x", row=2, col=1)
+    figure.update_xaxes(title_text="x, m (the robot is left)", range=[-0.8, TABLE_LENGTH + 0.1], row=2, col=1)
+    return figure.update_layout(height=760, title="Flights")
+
+
+def joints(found: dict[str, list[Any]]) -> go.Figure:
+    """The last swing: planned and measured angle of each joint around the strike, as dissertation Figures 4.11 to 4.14."""
+    figure = make_subplots(rows=4, cols=2, shared_xaxes=True)
+    swings = found["/arm_trajectory_controller/joint_trajectory"]
+    states = found["/joint_states"]
+    if not swings or not states:
+        return figure.update_layout(title="No swing")
+    swing = swings[-1]
+    start = _seconds(swing.header.stamp)
+    planned_times = np.array([_seconds(p.time_from_start) for p in swing.points])
+    times = np.array([_seconds(m.header.stamp) for m in states]) - start
+    shown = (times > -0.1) & (times < planned_times[-1] + 0.1)
+    measured = np.array([m.position for m, show in zip(states, shown, strict=True) if show]).reshape(-1, len(swing.joint_names))
+    planned = np.array([p.positions for p in swing.points])
+    for i, name in enumerate(swing.joint_names):
+        place = {"row": i // 2 + 1, "col": i % 2 + 1}
+        figure.add_scatter(x=planned_times, y=planned[:, i], name="planned", line={"color": "#1b5e9b"}, showlegend=i == 0, **place)
+        dots = {"mode": "markers", "marker": {"color": "#c0392b", "size": 3}}
+        figure.add_scatter(x=times[shown], y=measured[:, i], name="measured", showlegend=i == 0, **dots, **place)
+        figure.update_yaxes(title_text=f"{name}, rad", **place)
+    return figure.update_layout(height=760, title="The last swing, s after its start")
+
+
+def latencies(found: dict[str, list[Any]]) -> go.Figure:
+    """Of each stage, from the middle of the last frame's exposure."""
+    of: dict[str, list[float]] = {stage: [] for stage in STAGES}
+    for message in found["/diagnostics"]:
+        for status in message.status:
+            told = {v.key: v.value for v in status.values}
+            if status.name in of and "latency_ms" in told and status.message != "swing":
+                of[status.name].append(float(told["latency_ms"]))
+    figure = go.Figure([go.Box(y=values, name=stage, boxpoints="all") for stage, values in of.items()])
+    return figure.update_layout(title="Latency since the last frame", yaxis_title="ms", showlegend=False, height=420)
+
+
+def _table(scores: Sequence[Score]) -> str:
+    def cell(value: object) -> str:
+        if isinstance(value, float):
+            return f"{value:.4g}"
+        if isinstance(value, list):
+            return ", ".join(f"{v:.4g}" for v in value)
+        return "" if value is None else str(value)
+
+    if not scores:
+        return ""
+    keys = list(scores[0].as_dict())
+    rows = [[html.escape(cell(s.as_dict()[key])) for s in scores] for key in keys]
+    body = "".join(f"<tr><th>{key}</th>{''.join(f'<td>{c}</td>' for c in row)}</tr>" for key, row in zip(keys, rows, strict=True))
+    return f"<table>{body}</table>"
+
+
+STYLE = """
+body { font-family: sans-serif; max-width: 1200px; margin: 2em auto }
+table { border-collapse: collapse }
+td, th { padding: .2em .6em; text-align: left }
+tr:nth-child(even) { background: #f3f3f3 }
+"""
+
+
+def page(bag: Path, scores: Sequence[Score] = ()) -> str:
+    """One HTML page that needs no network."""
+    found = read(bag)
+    figures = [flights(found), latencies(found), joints(found)]
+    parts = [f.to_html(full_html=False, include_plotlyjs=i == 0) for i, f in enumerate(figures)]
+    title = html.escape(str(bag))
+    return (
+        f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>{_table(scores)}{''.join(parts)}"
+    )
+
+
+def main() -> None:
+    if len(sys.argv) not in (2, 3):
+        raise SystemExit(__doc__)
+    bag = Path(sys.argv[1])
+    out = Path(sys.argv[2]) if len(sys.argv) == 3 else bag.parent / "report.html"
+    out.write_text(page(bag))
+    print(out)
+
+
+if __name__ == "__main__":
+    main()
