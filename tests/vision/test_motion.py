@@ -1,5 +1,7 @@
 """Outlines in, flight out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tt_core.constants import BALL_RADIUS, GRAVITY
@@ -81,8 +83,6 @@ def test_one_camera_knows_the_distance_from_the_size(film):
 
 
 def test_a_camera_out_of_place_is_told_by_the_offsets(film):
-    import dataclasses
-
     shot = film(7)
     shifted = dataclasses.replace(shot.cameras[1], principal_point=shot.cameras[1].principal_point + [0.0, 1.0])
     offsets = fit(shot, (shot.cameras[0], shifted)).offsets

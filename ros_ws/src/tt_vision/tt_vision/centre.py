@@ -85,7 +85,7 @@ def _glance(image: np.ndarray) -> tuple[float, float, float, float, float, float
         level += 1
     background = level
     seen, level = 0, 255
-    while seen + histogram[level] < 0.003 * total:
+    while seen + histogram[level] < 0.001 * total:
         seen += histogram[level]
         level -= 1
     peak = level

@@ -69,8 +69,8 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     try:
         motion = fit_motion(frames, spots, times, cameras)
     except TtError as error:
-        return Measurement(None, f"no position: {error}", len(good), left_out)
-    reason = _doubt(motion, 2 * len(good))
+        return Measurement(None, f"no ball: {error}", len(good), left_out)
+    reason = _doubt(motion)
     if reason:
         return Measurement(None, reason, len(good), left_out, motion)
     spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
@@ -82,11 +82,9 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     return Measurement(ball, None, len(good), left_out, motion, spin)
 
 
-def _doubt(motion: Motion, images: int) -> str | None:
+def _doubt(motion: Motion) -> str | None:
     if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
         return "no ball: the outlines do not fit"
-    if motion.points < 16 * images:
-        return f"no ball: {motion.points} outline points in {images} images"
     if motion.residual > ROUGH:
         return f"no ball: outline off by {motion.residual:.2f} pixels rms"
     if np.abs(motion.offsets).max() > APART:

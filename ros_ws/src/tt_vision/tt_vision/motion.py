@@ -9,12 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from tt_core.constants import BALL_RADIUS, GRAVITY
+from tt_core.errors import TtError
 from tt_core.states import Array
 
 from .camera import Camera, ray, triangulate
 from .centre import Image, Spot, outline
 
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
+LEAST_POINTS = 16  # in an image: a quarter of the outline
 SHADED = 25e-6  # m, standard deviation of what all frames share: light that makes one side of the outline brighter
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
 
@@ -56,6 +58,7 @@ def fit_motion(
 
     frames, spots: [camera][frame], with a whole ball in each. times: (k,) s. acceleration: (3,) m/s^2.
     The outline is where the rays touch the sphere of known radius, so perspective is exact. The state returned is that of the last frame.
+    Raises TtError for what is no outline of one ball.
     """
     vectors = np.array([camera.vector for camera in cameras])
     tau = np.asarray(times) - np.mean(times)
@@ -64,7 +67,12 @@ def fit_motion(
     state[:6] = _start(spots, tau, cameras, gravity)
     for reach in (0.35, 0.0):
         points = _outlines(frames, spots, tau, vectors, state, gravity, reach)
-        covariance, residual, offsets = _fit(points, vectors, tau, gravity, state)
+        if len(points) < LEAST_POINTS * len(tau) * len(cameras):
+            raise TtError(f"{len(points)} outline points in {len(tau) * len(cameras)} images")
+        try:
+            covariance, residual, offsets = _fit(points, vectors, tau, gravity, state)
+        except np.linalg.LinAlgError:
+            raise TtError("the outlines are of no ball that both cameras see") from None
     last = float(tau[-1])
     move = np.eye(6)
     move[:3, 3:] = last * np.eye(3)
