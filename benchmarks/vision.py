@@ -12,7 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from report import arguments, report
 from scipy.spatial.transform import Rotation
-from tt_core.constants import GRAVITY, RPM
+from tt_core.constants import RPM
+from tt_core.flight import Aerodynamics
 from tt_core.states import Array, BallState
 from tt_sim.render import Scene, Texture, render
 from tt_vision.measure import measure, warm
@@ -30,19 +31,19 @@ def bursts(runs: int) -> Iterator[tuple[Array, Array, BallState]]:
     """((2, k, h, w) images, times, the ball at the last frame)."""
     rng = np.random.default_rng(SEED)
     textures = [Texture.drawn(seed) for seed in range(20)]
-    gravity = np.array([0.0, 0.0, -GRAVITY])
     for _ in range(runs):
         direction = np.array([-1.0, rng.uniform(-0.08, 0.08), rng.uniform(-0.1, 0.35)])
         velocity = rng.uniform(3.0, 8.0) * direction / np.linalg.norm(direction)
         axis = rng.standard_normal(3)
         spin = rng.uniform(0.0, FASTEST) * RPM * axis / np.linalg.norm(axis)
         middle = np.array(VIEW_CENTRE) + rng.uniform(-0.012, 0.012, 3)
+        pull = Aerodynamics.measured().acceleration(velocity, spin)  # the estimator believes in Aerodynamics.liu()
         first = Rotation.random(random_state=rng.integers(1 << 31))
         scene = Scene(texture=textures[rng.integers(len(textures))])
         times = rng.uniform(0.0, 100.0) + np.arange(FRAMES) / FRAME_RATE
         frames = []
         for tau in times - times.mean():
-            ball = BallState(times.mean() + tau, middle + tau * velocity + 0.5 * tau**2 * gravity, velocity + tau * gravity, spin)
+            ball = BallState(times.mean() + tau, middle + tau * velocity + 0.5 * tau**2 * pull, velocity + tau * pull, spin)
             turned = (Rotation.from_rotvec(tau * spin) * first).as_matrix()
             frames.append([render(c, ball, turned, scene.texture, scene.lamps, EXPOSURE, scene.noise, rng) for c in CAMERAS])
         yield np.swapaxes(np.array(frames), 0, 1), times, ball

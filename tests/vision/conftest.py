@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tt_core.constants import GRAVITY, RPM
+from tt_core.constants import RPM
+from tt_core.flight import Aerodynamics
 from tt_core.states import BallState
 from tt_sim.render import Scene, render
 from tt_vision.rig import EXPOSURE, FRAME_RATE, VIEW_CENTRE, high_speed_pair
@@ -43,10 +44,10 @@ def shoot(seed, *, spin=None, count=6, scene=None, cameras=None, velocity=None, 
     first = Rotation.random(random_state=seed)
     times = start + np.arange(count) / FRAME_RATE
     images = [[] for _ in cameras]
-    gravity = np.array([0.0, 0.0, -GRAVITY])
+    pull = Aerodynamics.liu().acceleration(velocity, omega)
     for t in times:
         tau = t - times.mean()
-        ball = BallState(t, middle + tau * velocity + 0.5 * tau**2 * gravity, velocity + tau * gravity, omega)
+        ball = BallState(t, middle + tau * velocity + 0.5 * tau**2 * pull, velocity + tau * pull, omega)
         turned = (Rotation.from_rotvec(tau * omega) * first).as_matrix()
         for row, camera in zip(images, cameras, strict=True):
             row.append(render(camera, ball, turned, scene.texture, scene.lamps, exposure, scene.noise, rng))

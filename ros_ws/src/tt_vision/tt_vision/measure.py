@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import BadShape, TtError
+from tt_core.flight import Aerodynamics
 from tt_core.states import Array, BallState
 
 from .camera import Camera
@@ -20,6 +21,7 @@ from .spin import SpinEstimate, check_frames, check_times, estimate_spin
 LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
 MOST_FRAMES = 10  # more add time and no accuracy
 ROUGH = 0.5  # pixels rms of the outline: 0.15 is usual, above this it is no ball or not one ball
+AIR = Aerodynamics.liu()
 APART = 2.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
 
 
@@ -44,8 +46,9 @@ class Measurement:
         return 1.0 if self.spin is None else self.spin.residual
 
 
-def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence[Camera]) -> Measurement:
+def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence[Camera], *, air: Aerodynamics = AIR) -> Measurement:
     """left, right: (k, h, w) uint8 or uint16, taken at `times` (k,) s, rising, middle of the exposure. cameras: (left, right).
+    air: bends the flight between the frames, by 0.02 m/s.
 
     Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
     """
@@ -76,6 +79,7 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
     if spin.reason:
         return Measurement(None, spin.reason, len(good), left_out, motion, spin)
+    motion = motion.bent(air.acceleration(motion.velocity, spin.spin), times)
     covariance = np.zeros((9, 9))
     covariance[:6, :6], covariance[6:, 6:] = motion.covariance, spin.covariance
     ball = BallState(motion.time, motion.position, motion.velocity, spin.spin, covariance)

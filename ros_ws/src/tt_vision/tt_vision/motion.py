@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -45,6 +45,14 @@ class Motion:
         """(n, 3) m at `times` (n,) s."""
         t = np.asarray(times)[:, None] - self.time
         return self.position + t * self.velocity + 0.5 * t * t * self.acceleration
+
+    def bent(self, acceleration: Array, times: Array) -> Motion:
+        """The same images, taken at `times` (k,) s, read with another acceleration (3,) m/s^2: their difference must not hold a straight line."""
+        tau = np.asarray(times) - self.time
+        line = np.linalg.lstsq(np.stack([np.ones_like(tau), tau], axis=1), 0.5 * tau * tau, rcond=None)[0]
+        more = np.asarray(acceleration) - self.acceleration
+        position, velocity = self.position - line[0] * more, self.velocity - line[1] * more
+        return replace(self, position=position, velocity=velocity, acceleration=self.acceleration + more)
 
 
 def fit_motion(

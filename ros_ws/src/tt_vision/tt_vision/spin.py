@@ -17,7 +17,7 @@ from .printed import method_1, method_2
 from .registration import GATE, register
 from .surface import DULL, unwrap
 
-SYSTEMATIC = 5.0 * RPM  # rad/s, standard deviation of what noise does not explain: light, centres
+SYSTEMATIC = 3.5 * RPM  # rad/s, standard deviation of what noise does not explain: light, centres
 CORRELATED = 4.0  # neighbouring points share pixels: the least squares counts each pixel about four times
 UNKNOWN = 1e6  # (rad/s)^2
 PRINTED = {"liu": method_2, "correlation": method_1}
