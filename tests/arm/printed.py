@@ -10,6 +10,8 @@ _PRINTED = (
     ("Table 4.5, backspin", (-0.30, 0.66, 0.23), (1.26, -0.18, 1.75), -0.068, 0.708),
     ("Table 4.5, topspin", (-0.14, 0.73, 0.26), (1.15, 0.019, 0.64), -0.028, 1.814),
 )
+# where the reference table lets the arm wait; the arm itself waits where it has most time for the strokes that it plays
+REFERENCE_WAITING = tuple(np.radians([-73.0, 58.0, 62.0, 104.0, -11.0, 85.0, 144.0]).tolist())
 NAMES = tuple(row[0] for row in _PRINTED)
 
 

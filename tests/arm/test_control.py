@@ -118,6 +118,20 @@ def test_off_the_path_it_begins_anew_and_on_failure_it_stops():
     assert arm.reasons >= {"a test"}
 
 
+def test_silence_stops_the_arm_and_it_goes_on_afterwards():
+    racket, arm = printed(0.5)[1], Arm()
+    assert arm.control.watch(1.0) is None  # nothing was ever heard
+    arm.run(0.05)
+    arm.control.take([racket])
+    arm.run(0.3)
+    assert arm.control.watch(0.34) is None
+    for _ in range(3):
+        arm.joints = arm.plant.advance(arm.joints, arm.control.watch(arm.joints.time + 0.06), 0.06)
+    assert np.abs(arm.joints.qdot).max() < 1e-6
+    arm.run(2.5)
+    assert arm.joints.q == pytest.approx(MODEL.waiting, abs=1e-3)
+
+
 def test_the_servo_pulls_towards_the_path():
     rest, limits = plan(MODEL, HELD, None, 0.0), MODEL.speed_limits
     assert np.all(follow(rest, 1.0, MODEL.waiting, limits, ServoParams()) == 0.0)

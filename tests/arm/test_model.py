@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from arm.printed import REFERENCE_WAITING
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -23,9 +24,9 @@ def test_the_facts():
     assert np.degrees(MODEL.position_limits) == pytest.approx(np.outer([177, 94, 174, 137, 255, 165, 255], [-1, 1]))
     assert MODEL.speed_limits == pytest.approx([1, 1, 2, 2, 2 * np.pi, 2 * np.pi, 2 * np.pi])
     assert MODEL.chain.lengths == pytest.approx([0.315, 0.450, 0.500, 0.080])
-    position, turned = MODEL.racket(MODEL.waiting)
-    assert position == pytest.approx([-0.444, 0.755, 0.044], abs=1e-3)
-    assert turned[:, 2] == pytest.approx([0.65, 0.76, 0.04], abs=5e-3)
+    position, turned = MODEL.racket(np.array(REFERENCE_WAITING))
+    assert position == pytest.approx([-0.375, 0.660, 0.099], abs=1e-3)  # printed to 1 mm
+    assert turned[:, 2] == pytest.approx([0.83, 0.55, 0.01], abs=5e-3)  # printed to 0.01
     # masses: 34.58 kg of links that move with the joints but the base (the universe holds it), 0.18 kg racket
     assert sum(inertia.mass for inertia in MODEL.pinocchio.inertias) == pytest.approx(
         3.04 + 9.78 + 8.41 + 3.51 + 4.31 + 4.01 + 1.46 + 0.24 + 0.18

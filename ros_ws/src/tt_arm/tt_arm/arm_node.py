@@ -107,8 +107,9 @@ class ArmNode(Node):
     def on_watch(self) -> None:
         """Stops the arm when the joint states have ceased."""
         now = self.get_clock().now().nanoseconds * 1e-9
-        if self.control.joints is not None and self.control.guard.stale(now):
-            self.commands.publish(Float64MultiArray(data=[0.0] * 7))
+        command = self.control.watch(now)
+        if command is not None and self.control.joints is not None:
+            self.commands.publish(Float64MultiArray(data=command.tolist()))
             self.status.tell(f"no joint state for {now - self.control.joints.time:.3f} s", warn=True)
 
     def fail(self, error: Exception) -> None:

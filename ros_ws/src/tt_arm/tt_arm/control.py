@@ -74,7 +74,6 @@ class ArmControl:
 
     def step(self, joints: Joints) -> Step:
         """The command for the time of `joints`: along the swing, else towards waiting, else zero."""
-        late = self.guard.stale(joints.time)
         self.joints = joints
         if not self.enabled or self.guard.latched:
             self._forget()
@@ -82,7 +81,7 @@ class ArmControl:
         begun = None
         if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
             self.swing, self.coming, begun = self.coming, None, self.coming
-        if self.swing is None or late or np.abs(self.swing.sample(joints.time)[0] - joints.q).max() > self.params.lost:
+        if self.swing is None or np.abs(self.swing.sample(joints.time)[0] - joints.q).max() > self.params.lost:
             self._forget()
             self.swing = plan(self.model, joints, None, joints.time, self.limits)
         wanted = follow(self.swing, joints.time, joints.q, self.model.speed_limits, self.servo)
@@ -107,6 +106,11 @@ class ArmControl:
         if choice.swing is not None and choice.racket is not None and choice.reach is not None:
             self.coming, self.stroke = choice.swing, (choice.racket, choice.reach)
         return choice
+
+    def watch(self, time: float) -> Array | None:
+        """The next command (7,) of a stop when at `time` (s) the last joint state is stale; None while all is well."""
+        stale = self.joints is not None and self.guard.stale(self.joints.time, time)
+        return self.guard.stop(time) if stale else None
 
     def fail(self, reason: str) -> Array:
         """Something else broke: latches; the command (7,) is zero."""

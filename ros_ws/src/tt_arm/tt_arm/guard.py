@@ -65,9 +65,9 @@ class Guard:
         """The next command (7,) of a controlled stop, zero at the end."""
         return self._slew(time, np.zeros(7))
 
-    def stale(self, time: float) -> bool:
-        """Whether the last command is older than `stale`."""
-        return self._time is not None and time - self._time > self._params.stale
+    def stale(self, then: float, now: float) -> bool:
+        """Whether a joint state of `then` (s) is too old `now`."""
+        return now - then > self._params.stale
 
     def reset(self) -> None:
         """Lets commands through again, from zero."""

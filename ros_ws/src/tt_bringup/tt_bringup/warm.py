@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from tt_arm.control import warm as warm_arm
+from tt_arm.model import ArmModel
+from tt_arm.swing import Joints
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
@@ -10,6 +13,7 @@ from tt_racket.goal import GoalParams, answer
 from tt_racket.intercept import InterceptParams, intercept
 from tt_sim.footage import footage
 from tt_sim.launcher import LauncherParams, launch
+from tt_sim.plant import Plant
 from tt_sim.render import Scene
 from tt_sim.world import RacketMotion, World
 from tt_vision.measure import measure
@@ -30,6 +34,10 @@ def main() -> None:
     world.advance(0.02, racket, racket, 0.02)
     for rebound in (physics.table, Physics.measured().table):
         rebound.after(np.array([-5.0, 0.0, -2.0]), ball.spin)
+    arm = ArmModel.pa10()
+    warm_arm(arm)
+    plant, joints = Plant(arm), Joints(0.0, arm.waiting, np.zeros(7))
+    plant.racket(plant.advance(joints, np.zeros(7), 0.002))
 
 
 if __name__ == "__main__":
