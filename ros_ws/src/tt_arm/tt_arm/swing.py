@@ -8,7 +8,6 @@ allow.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,7 +28,6 @@ LONGEST = 10.0  # s, the longest leg that is tried
 PROFILES = ("auto", "quintic", "trapezoid")
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
 SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
-Least = Callable[[Array, Array, Array, Array], float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,49 +167,50 @@ def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Arra
     return low, high, speed, acceleration
 
 
-def _beyond(model: ArmModel, parts: tuple[Array, Array, float], limits: SwingLimits) -> str | None:
-    """What would be hit on the way, a joint's end or the table, for knots, coefficients and duration."""
-    low, high, _, _ = extremes(parts[2], *parts[:2])
-    outside = np.maximum(model.position_limits[:, 0] - low, high - model.position_limits[:, 1])
-    if outside.max() > -limits.margin:
-        return f"joint {model.names[int(outside.argmax())]} would come within {max(0.0, -outside.max()):.3f} rad of its limit on the way"
-    left = path_clearance(parts[2], COARSE, *parts[:2], model.chain)
-    return f"the racket would come within {max(0.0, 1e3 * left):.0f} mm of the table on the way" if left < limits.clearance else None
+class _Path:
+    """A path in the making: each call appends polynomials for all joints; `now` (s) is how long it is."""
 
+    def __init__(self, model: ArmModel, limits: SwingLimits, profile: str) -> None:
+        self.model, self.limits, self.kind, self.now = model, limits, PROFILES.index(profile), 0.0
+        self.speed = limits.speed_share * model.speed_limits
+        self.knots, self.coefficients, self._pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
 
-def _assemble(
-    model: ArmModel,
-    start: Joints,
-    approach: tuple[float, float],
-    target: Reach,
-    brake: float,
-    limits: SwingLimits,
-    profile: str,
-    least: Least,
-) -> tuple[Array, Array, float]:
-    """Hold and approach (both s), slow down with time `brake` (s) for the fastest joint, return: knots, coefficients, duration (s)."""
-    knots, coefficients, pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
-    speed, kind, rest = limits.speed_share * model.speed_limits, PROFILES.index(profile), np.zeros(7)
-    now = 0.0
+    def least(self, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
+        return _least(q0, v0, q1, v1, self.speed, self.limits.acceleration, self.kind == 1)
 
-    def leg(time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
-        _leg(now, time, q0, v0, q1, v1, speed, limits.acceleration, kind, knots, coefficients, pieces)
-        return now + time
+    def holds(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> bool:
+        return _holds(time, q0, v0, q1, v1, self.speed, self.limits.acceleration, self.kind == 1)
 
-    hold, time = approach
-    if hold > 0.0:
-        _rest(now, np.array(start.q), knots, coefficients, pieces)
-        now = hold
-    if time > 0.0:
-        now = leg(time, np.array(start.q), np.array(start.qdot), target.q, target.qdot)
-    q, qdot = target.q, target.qdot
-    if np.abs(qdot).max() > 0.0:
-        stop = q + 0.5 * brake * qdot
-        now, q = leg(brake, q, qdot, stop, rest), stop
-    back = limits.unhurried_return * least(q, rest, model.waiting.copy(), rest)
-    now = leg(max(back, STEP), q, rest, model.waiting.copy(), rest)
-    _rest(now, model.waiting.copy(), knots, coefficients, pieces)
-    return knots, coefficients, now
+    def rest(self, q: Array, time: float) -> None:
+        _rest(self.now, q, self.knots, self.coefficients, self._pieces)
+        self.now += time
+
+    def leg(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> None:
+        acceleration = self.limits.acceleration
+        _leg(self.now, time, q0, v0, q1, v1, self.speed, acceleration, self.kind, self.knots, self.coefficients, self._pieces)
+        self.now += time
+
+    def home(self, q: Array, qdot: Array, softly: float) -> None:
+        """Slow down in `softly` times the least time, return, wait."""
+        still, waiting = np.zeros(7), self.model.waiting.copy()
+        brake = softly * float(np.abs(qdot).max()) / self.limits.acceleration
+        if brake > 0.0:
+            stop = q + 0.5 * brake * qdot
+            self.leg(brake, q, qdot, stop, still)
+            q = stop
+        self.leg(max(STEP, self.limits.unhurried_return * self.least(q, still, waiting, still)), q, still, waiting, still)
+        self.rest(waiting, 0.0)
+
+    def hits(self) -> str | None:
+        """What is in the way, a joint's end or the table."""
+        low, high, _, _ = extremes(self.now, self.knots, self.coefficients)
+        room = np.minimum(low - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - high)
+        if room.min() < self.limits.margin:
+            return f"joint {self.model.names[int(room.argmin())]} would come within {max(0.0, room.min()):.3f} rad of its limit on the way"
+        left = path_clearance(self.now, COARSE, self.knots, self.coefficients, self.model.chain)
+        if left < self.limits.clearance:
+            return f"the racket would come within {max(0.0, 1e3 * left):.0f} mm of the table on the way"
+        return None
 
 
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
@@ -222,35 +221,33 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
     """
     limits = limits or SwingLimits()
     strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
-    speed, only_quintic = limits.speed_share * model.speed_limits, limits.profile == "quintic"
-
-    def least(q0: Array, v0: Array, q1: Array, v1: Array) -> float:
-        return _least(q0, v0, q1, v1, speed, limits.acceleration, only_quintic)
-
-    q0, v0 = np.array(start.q), np.clip(start.qdot, -speed, speed)
+    path = _Path(model, limits, limits.profile)
+    q0, v0 = np.array(start.q), np.clip(start.qdot, -path.speed, path.speed)
     start, moving = Joints(start.time, q0, v0), bool(np.abs(v0).max() > AT_REST)
     earliest, reason = math.inf, None if target is None else target.reason
     if target is not None and reason is None:
-        time, shortest = strike_time - start.time, least(q0, v0, target.q, target.qdot)
+        time, shortest = strike_time - start.time, path.least(q0, v0, target.q, target.qdot)
         earliest = start.time + shortest
         if math.isinf(shortest):
             reason = "the limits allow no way to this strike"
         elif time < shortest:
             reason = f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
-        elif moving and not _holds(time, q0, v0, target.q, target.qdot, speed, limits.acceleration, only_quintic):
+        elif moving and not path.holds(time, q0, v0, target.q, target.qdot):
             reason = "the arm moves too fast to arrive as late as that"
         else:
-            for hurry, brake, profile in ((limits.unhurried, SOFT, limits.profile), (1.0, 1.0, limits.profile), (1.0, 1.0, "trapezoid")):
+            for hurry, softly, profile in ((limits.unhurried, SOFT, limits.profile), (1.0, SOFT, limits.profile), (1.0, 1.0, "trapezoid")):
+                path = _Path(model, limits, profile)
                 approach = time if moving else min(time, hurry * shortest)
-                slow = brake * float(np.abs(target.qdot).max()) / limits.acceleration
-                parts = _assemble(model, start, (time - approach, approach), target, slow, limits, profile, least)
-                reason = _beyond(model, parts, limits)
+                if approach < time:
+                    path.rest(q0, time - approach)
+                path.leg(approach, q0, v0, target.q, target.qdot)
+                path.home(target.q, target.qdot, softly)
+                reason = path.hits()
                 if reason is None:
-                    return Swing(start, strike_time, start.time + parts[2], earliest, None, *parts[:2])
-    here = Reach(q0, v0 if moving else np.zeros(7), 0.0, 0.0, None)
-    for brake in (SOFT, 1.0):
-        slow = brake * float(np.abs(v0).max()) / limits.acceleration
-        parts = _assemble(model, start, (0.0, 0.0), here, slow, limits, limits.profile if brake == SOFT else "trapezoid", least)
-        if _beyond(model, parts, limits) is None:
+                    return Swing(start, strike_time, start.time + path.now, earliest, None, path.knots, path.coefficients)
+    for softly, profile in ((SOFT, limits.profile), (1.0, "trapezoid")):
+        path = _Path(model, limits, profile)
+        path.home(q0, v0 if moving else np.zeros(7), softly)
+        if path.hits() is None:
             break
-    return Swing(start, math.inf, start.time + parts[2], earliest, reason, *parts[:2])
+    return Swing(start, math.inf, start.time + path.now, earliest, reason, path.knots, path.coefficients)
