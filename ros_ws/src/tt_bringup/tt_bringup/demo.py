@@ -22,11 +22,11 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import MultiDOFJointTrajectory
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
-from tt_core.ros.convert import ball_from_message, goal_to_message
-from tt_core.ros.qos import LATCHED, RELIABLE
+from tt_core.ros.convert import ball_from_message, goal_to_message, seconds
+from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.ros.status import read_status
 from tt_core.states import BallState, ReturnGoal
 from tt_racket.goal import GoalParams, answer
@@ -37,6 +37,7 @@ from .score import HEADER, Score, line, score
 
 READY = 90.0  # s until every node must be there; a cold start loads compiled kernels
 BALL = 10.0  # s, simulated, from a launch to the end of the ball
+LONGEST_REST = 3.0  # s, simulated, from the end of a ball to the next launch
 SPINS = {"top": (0, -1, 0), "back": (0, 1, 0), "left": (0, 0, -1), "right": (0, 0, 1)}  # axis of each kind of shot
 
 
@@ -49,11 +50,14 @@ class Demo(Node):
         self.measured: BallState | None = None
         self.latency_ms: float | None = None
         self.refusal: str | None = None
+        self.rest = 0.0  # s, sim time, when the arm is back
+        self.over = 0.0  # s, sim time, when the last ball was
         self.asked = self.create_publisher(MultiDOFJointTrajectory, "/return/goal", LATCHED)
         self.launcher = self.create_client(Trigger, "/launcher/launch")
         self.enabler = self.create_client(SetBool, "/arm/enable")
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
         self.create_subscription(Odometry, "/ball/measured", self.on_measured, RELIABLE)
+        self.create_subscription(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", self.on_swing, LATEST)
 
     def forget(self) -> None:
         self.told, self.measured, self.latency_ms, self.refusal = None, None, None, None
@@ -61,10 +65,13 @@ class Demo(Node):
     def on_measured(self, message: Odometry) -> None:
         self.measured = ball_from_message(message)
 
+    def on_swing(self, message: JointTrajectory) -> None:
+        self.rest = seconds(message.header.stamp) + seconds(message.points[-1].time_from_start)
+
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for _, name, text, values in read_status(message):
+        for time_told, name, text, values in read_status(message):
             if name == "sim" and text == "ball over":
-                self.told = values
+                self.told, self.over = values, time_told
             elif name == "arm" and text == "first command" and self.latency_ms is None:
                 self.latency_ms = float(values["latency_ms"])
         for status in message.status:
@@ -102,6 +109,8 @@ def play(demo: Demo, executor: SingleThreadedExecutor, balls: int, rtf: float) -
         assert demo.told is not None
         scores.append(score(demo.told, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
         print(line(scores[-1]), flush=True)
+        again = time.monotonic() + min(max(demo.rest - demo.over, 0.0), LONGEST_REST) / rtf
+        wait(lambda at=again: time.monotonic() >= at, demo, executor, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]
     return scores
 
 

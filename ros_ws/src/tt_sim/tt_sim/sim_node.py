@@ -38,6 +38,7 @@ from .render import Scene, Texture
 from .world import RacketMotion, World
 
 CAMERAS = ("left", "right")
+STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ class SimNode(Node):
         self.plant = Plant(self.arm, declare(self, PlantParams, "plant."))
         self.world = World(self.physics)
         self.command: Array = np.zeros(len(self.arm.names))
+        self.commanded = 0.0  # s, monotonic, when it came
         self.launched = 0
         self.rendering = threading.Event()  # set while a launch waits for its images or its ball flies
         self.ready: Flight | None = None
@@ -108,7 +110,7 @@ class SimNode(Node):
     def on_command(self, message: Float64MultiArray) -> None:
         command = np.array(message.data)
         if command.shape == self.command.shape and np.isfinite(command).all():
-            self.command = command
+            self.command, self.commanded = command, time.monotonic()
         else:
             self.status.tell(f"command refused: {len(message.data)} numbers, {len(self.command)} finite ones wanted", warn=True)
 
@@ -172,6 +174,8 @@ class SimNode(Node):
             if now >= clock_due:
                 self.clock.publish(Clock(clock=stamp(now)))
                 clock_due = now + 1.0 / self.params.clock_rate
+            if time.monotonic() - self.commanded > STALE / self.params.rtf:
+                self.command = np.zeros_like(self.command)
             joints = self.plant.advance(joints, self.command, self.params.tick)
             before, racket = racket, self.plant.racket(joints)
             measured = self.plant.measured(joints, noise)
