@@ -52,7 +52,7 @@ class ArmNode(Node):
         self.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", self.on_strokes, LATEST)
         self.create_service(SetBool, "/arm/enable", self.on_enable)
         self.create_service(Trigger, "/arm/stop", self.on_stop)
-        self.create_timer(0.05, self.on_watch)
+        self.create_timer(0.02, self.on_watch)
         self.control.enable(parameter(self, "enabled", False))
 
     def on_joints(self, message: JointState) -> None:
