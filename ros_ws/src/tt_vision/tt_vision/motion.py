@@ -26,7 +26,7 @@ class Motion:
     """The flight during a burst, `table` frame.
 
     time: s. position, velocity: (3,) m and m/s at `time`. covariance: (6, 6) of both. acceleration: (3,) m/s^2, held.
-    residual: pixels, rms distance of the outline points. offsets: (cameras, 2) pixels, from where the fit puts the ball to where each
+    residual: pixels, rms distance of the outline points, each camera aligned. offsets: (cameras, 2) pixels, from where the fit puts the ball to where each
     camera has it: the error of the cameras' calibration. edges: (cameras,) pixels, by which the outline is found too far out. points: how
     many outline points took part.
     """
@@ -47,7 +47,7 @@ class Motion:
         return self.position + t * self.velocity + 0.5 * t * t * self.acceleration
 
     def bent(self, acceleration: Array, times: Array) -> Motion:
-        """The same images, taken at `times` (k,) s, read with another acceleration (3,) m/s^2: their difference must not hold a straight line."""
+        """The same images, taken at `times` (k,) s, read with another acceleration (3,) m/s^2: the line through its bend is taken off."""
         tau = np.asarray(times) - self.time
         line = np.linalg.lstsq(np.stack([np.ones_like(tau), tau], axis=1), 0.5 * tau * tau, rcond=None)[0]
         more = np.asarray(acceleration) - self.acceleration
@@ -175,7 +175,7 @@ def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: 
 
 @njit(cache=True, nogil=True)
 def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[np.ndarray, float, np.ndarray]:
-    """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance and each camera's offset."""
+    """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance with each camera aligned, the offsets."""
     size, n = len(state), len(points)
     scale = 3.0
     w = np.empty(n)
@@ -204,7 +204,6 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
         state -= delta
         if step > 2 and np.abs(delta[:3]).max() < 1e-6 and np.abs(delta[3:6]).max() < 1e-4:
             break
-    rms = math.sqrt((w * r * r).sum() / max(w.sum(), 1e-12))
     cameras = len(vectors)
     m, b2 = np.zeros((cameras, 3)), np.zeros((cameras, 2))
     for i in range(n):
@@ -220,4 +219,10 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
         det = m[c, 0] * m[c, 2] - m[c, 1] ** 2 + 1e-9
         offsets[c, 0] = (m[c, 2] * b2[c, 0] - m[c, 1] * b2[c, 1]) / det
         offsets[c, 1] = (m[c, 0] * b2[c, 1] - m[c, 1] * b2[c, 0]) / det
-    return np.linalg.inv(h), rms, offsets
+    error, total = 0.0, 1e-12
+    for i in range(n):
+        c = int(points[i, 0])
+        rest = r[i] - offsets[c, 0] * outwards[i, 0] - offsets[c, 1] * outwards[i, 1]
+        error += w[i] * rest * rest
+        total += w[i]
+    return np.linalg.inv(h), math.sqrt(error / total), offsets
