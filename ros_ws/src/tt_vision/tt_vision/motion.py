@@ -26,9 +26,9 @@ class Motion:
     """The flight during a burst, `table` frame.
 
     time: s. position, velocity: (3,) m and m/s at `time`. covariance: (6, 6) of both. acceleration: (3,) m/s^2, held.
-    residual: pixels, rms distance of the outline points, each camera aligned. offsets: (cameras, 2) pixels, from where the fit puts the ball to where each
-    camera has it: the error of the cameras' calibration. edges: (cameras,) pixels, by which the outline is found too far out. points: how
-    many outline points took part.
+    residual: pixels, rms distance of the outline points, each camera aligned. offsets: (cameras, 2) pixels, from where the fit puts the
+    ball to where each camera has it: the error of the cameras' calibration. edges: (cameras,) pixels, by which the outline is found too
+    far out. points: how many outline points took part.
     """
 
     time: float
