@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from tt_core.constants import BALL_RADIUS, FLOOR_Z
-from tt_core.errors import OutOfRange
-from tt_core.flight import fly
+from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_X
+from tt_core.errors import OutOfRange, TtError
+from tt_core.flight import Aerodynamics, fly
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
 
+AIRLESS = Aerodynamics.gravity_only()
 PHYSICS = [Physics.liu(), Physics.measured(), Physics.liu(0.0)]
 balls = st.builds(
     lambda vx, vy, vz, wx, wy, wz, y: BallState(0.0, [2.6, y, 0.3], [vx, vy, vz], [wx, wy, wz]),
@@ -73,7 +74,7 @@ def test_stop_rules_stop_where_they_say():
         ([-6.22, 0, 1.07], [0, -360, 0], "at the top of the bounce in the window"),
         ([-5.05, 0.3, 2.0], [0, 0, 285], "at the top of the bounce in the window"),
         ([-4.99, 0, 2.53], [0, -300, 0], "still rising at -0.3"),
-        ([-4.0, 0, 1.0], [0, 0, 0], "falling already at 0"),
+        ([-4.0, 0, 2.5], [0, 0, 0], "falling already at 0"),
     ],
 )
 def test_the_dissertations_rule(velocity, spin, where):
@@ -89,6 +90,63 @@ def test_a_ball_beside_the_table_falls_to_the_floor():
     path = rollout(BallState(0.0, [1.0, -0.5, 0.3], [0, 0, 0], [0, 0, 0]), Physics.liu(), StopRule.at_x(-1.0))
     assert (path.ended, path.bounces) == ("floor", ())
     assert path.end.position[2] == pytest.approx(FLOOR_Z + BALL_RADIUS, abs=1e-12)
+
+
+def height_at(ball, physics, x):
+    path = rollout(ball, physics, StopRule.at_x(x))
+    return path.ended, path.end.position[2]
+
+
+@given(balls)
+def test_the_net_ends_the_path_of_a_ball_that_does_not_clear_it(ball):
+    physics = Physics.liu()
+    path = rollout(ball, physics, StopRule.at_x(1.2))
+    if path.ended == "net":
+        x, _, z = path.end.position
+        face = abs(x - NET_X - BALL_RADIUS) < 1e-12 and 0.0 < z < NET_HEIGHT  # its front meets the net
+        tape = abs(x - NET_X) < 1e-12 and NET_HEIGHT - 0.02 < z < NET_HEIGHT + BALL_RADIUS  # or it sinks on the tape
+        assert face or tape
+    elif path.ended == "stop" and not path.bounces:
+        assert height_at(ball, physics, NET_X + 1e-9)[1] > NET_HEIGHT
+
+
+@pytest.mark.parametrize(("y", "ended"), [(-0.1526, "stop"), (-0.1524, "net")])
+def test_the_net_ends_at_its_posts(y, ended):
+    assert rollout(BallState(0.0, [1.5, y, 0.1], [-3.0, 0, 0.3], [0, 0, 0]), Physics.liu(), StopRule.at_x(1.3)).ended == ended
+
+
+@pytest.mark.parametrize(("x", "ended"), [(-0.0201, "floor"), (-0.0199, "edge"), (-0.01, "edge"), (0.0001, "rolling")])
+def test_a_ball_that_falls_past_the_table_may_touch_its_edge(x, ended):
+    path = rollout(BallState(0.0, [x, 0.7, 0.3], [0, 0, 0], [0, 0, 0]), Physics(air=AIRLESS), StopRule.at_x(-2.0))
+    assert path.ended in (ended, "too long" if ended == "rolling" else ended)
+    if ended == "edge":  # the ball's surface is on the edge
+        assert math.hypot(path.end.position[0], path.end.position[2]) == pytest.approx(BALL_RADIUS, abs=1e-12)
+
+
+@given(balls)
+def test_the_stepped_scheme_comes_near_the_exact_path(ball):
+    """Without its events the scheme is exact: RK4 of 1/1200 s; a bounce may come a step late."""
+    assume(np.hypot(*ball.spin[1:]) > 20.0)  # spin along the flight alone: (3.3) jumps, see above
+    physics = Physics.liu()
+    exact, stepped = (rollout(ball, physics, StopRule.at_time(0.55), method=m) for m in ("exact", "liu"))
+    assume(exact.ended == stepped.ended == "stop")
+    assert np.diff(stepped.times).max() == pytest.approx(1 / 1200)
+    if not exact.bounces:
+        assert stepped.end.position == pytest.approx(exact.at(stepped.times[-1]).position, abs=1e-7)
+    elif abs(exact.bounces[0].time - 0.55) > 2e-3 and len(exact.bounces) == 1 and len(stepped.bounces) == 1:
+        late = stepped.bounces[0].time - exact.bounces[0].time
+        assert -1e-9 < late < 1 / 1200 + 1e-9
+        # m: a step late at most 8 m/s, the vertical velocity turned round
+        assert stepped.end.position == pytest.approx(exact.at(stepped.times[-1]).position, abs=0.015)
+
+
+@given(balls)
+def test_no_path_gains_energy(ball):
+    physics = Physics.measured()
+    path = rollout(ball, physics, StopRule.at_x(-0.5))
+    shell = 2 / 3 * BALL_RADIUS**2
+    energy = 0.5 * (path.velocities**2).sum(1) + 0.5 * shell * (path.spins**2).sum(1) + physics.air.gravity * path.positions[:, 2]
+    assert (np.diff(energy) <= 1e-9).all()
 
 
 def test_a_ball_left_alone_on_the_table_rolls_out():
@@ -111,6 +169,8 @@ def test_bad_values_name_themselves():
     ball = BallState(1.0, [2.6, 0.76, 0.3], [-5.0, 0.0, 2.0], [0, -300, 0])
     with pytest.raises(OutOfRange, match="stop time after the ball's = -0.5"):
         rollout(ball, Physics.liu(), StopRule.at_time(0.5))
+    with pytest.raises(TtError, match="method 'euler' is none of 'exact', 'liu'"):
+        rollout(ball, Physics.liu(), StopRule.at_landing(), method="euler")
     with pytest.raises(ValueError, match="x = nan"):
         StopRule.at_x(math.nan)
     with pytest.raises(ValueError, match="velocity"):

@@ -27,6 +27,7 @@ def main() -> None:
     left, right = (np.array([frame.images[i] for frame in frames]) for i in range(2))
     seen = measure(left, right, np.array([frame.time for frame in frames]), cameras).ball or ball
     path = rollout(seen, physics, StopRule.at_x(-0.4))
+    rollout(seen, physics, StopRule.at_x(-0.4), method="liu")
     intercept(path, answer(seen.spin, GoalParams()), physics, InterceptParams())
     racket = RacketMotion(np.array([-0.2, 0.7, 0.2]), np.eye(3), np.zeros(3))
     world = World(physics)

@@ -94,20 +94,27 @@ class Aerodynamics:
 
 
 @njit(cache=True)
-def accelerate(v: Array, w: Array, c: Array, out: Array) -> None:
+def _pull(v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, c: Array) -> tuple[float, float, float]:
     """(3.1)-(3.3); h = 0 where (3.3) is 0/0: no spin, or spin along the flight."""
-    across = v[0] * w[1] - v[1] * w[0]
-    norm = math.sqrt(across * across + (v[0] * v[0] + v[1] * v[1]) * w[2] * w[2])
+    across, flat = v0 * w1 - v1 * w0, v0 * v0 + v1 * v1
+    norm = math.sqrt(across * across + flat * w2 * w2)
     h = across / norm if norm > 1e-9 else 0.0
-    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    speed = math.sqrt(flat + v2 * v2)
     drag = (c[1] + c[2] * h) * speed
     lift = c[3] + c[4] * h
     if c[5] != 0.0 and speed > 0.0:
-        ratio = BALL_RADIUS * math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) / speed
-        lift += c[5] / (c[6] + ratio)
-    out[0] = -drag * v[0] + lift * (w[1] * v[2] - w[2] * v[1])
-    out[1] = -drag * v[1] + lift * (w[2] * v[0] - w[0] * v[2])
-    out[2] = -drag * v[2] + lift * (w[0] * v[1] - w[1] * v[0]) - c[0]
+        lift += c[5] / (c[6] + BALL_RADIUS * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2) / speed)
+    return (
+        -drag * v0 + lift * (w1 * v2 - w2 * v1),
+        -drag * v1 + lift * (w2 * v0 - w0 * v2),
+        -drag * v2 + lift * (w0 * v1 - w1 * v0) - c[0],
+    )
+
+
+@njit(cache=True)
+def accelerate(v: Array, w: Array, c: Array, out: Array) -> None:
+    """The acceleration (3,) for velocity and spin (3,)."""
+    out[0], out[1], out[2] = _pull(v[0], v[1], v[2], w[0], w[1], w[2], c)
 
 
 # Dormand and Prince 1980, RK5(4)7M, the order 5 row
@@ -125,32 +132,32 @@ _B = np.array([35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
 _C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
     """One step of h seconds from state (9,) into out (9,), which may be the same; work (8, 3) is scratch."""
-    v, w = work[6], work[7]
-    p0, p1, p2, v0, v1, v2 = state[0], state[1], state[2], state[3], state[4], state[5]
-    dp0, dp1, dp2 = 0.0, 0.0, 0.0
+    v0, v1, v2, w0, w1, w2 = state[3], state[4], state[5], state[6], state[7], state[8]
+    dp0, dp1, dp2, dv0, dv1, dv2, fade = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     for i in range(6):
-        v[0], v[1], v[2] = v0, v1, v2
+        s0, s1, s2 = v0, v1, v2
         for j in range(i):
             a = h * _A[i, j]
-            v[0] += a * work[j, 0]
-            v[1] += a * work[j, 1]
-            v[2] += a * work[j, 2]
-        fade = math.exp(-c[7] * _C[i] * h) if c[7] != 0.0 else 1.0
-        w[0], w[1], w[2] = fade * state[6], fade * state[7], fade * state[8]
-        accelerate(v, w, c, work[i])
-        dp0 += _B[i] * v[0]
-        dp1 += _B[i] * v[1]
-        dp2 += _B[i] * v[2]
-    out[0], out[1], out[2] = p0 + h * dp0, p1 + h * dp1, p2 + h * dp2
-    for k in range(3):
-        s = state[3 + k]
-        for i in range(6):
-            s += h * _B[i] * work[i, k]
-        out[3 + k] = s
-    out[6], out[7], out[8] = w[0], w[1], w[2]
+            s0 += a * work[j, 0]
+            s1 += a * work[j, 1]
+            s2 += a * work[j, 2]
+        if c[7] != 0.0:
+            fade = math.exp(-c[7] * _C[i] * h)
+        a0, a1, a2 = _pull(s0, s1, s2, fade * w0, fade * w1, fade * w2, c)
+        work[i, 0], work[i, 1], work[i, 2] = a0, a1, a2
+        b = h * _B[i]
+        dp0 += b * s0
+        dp1 += b * s1
+        dp2 += b * s2
+        dv0 += b * a0
+        dv1 += b * a1
+        dv2 += b * a2
+    out[0], out[1], out[2] = state[0] + dp0, state[1] + dp1, state[2] + dp2
+    out[3], out[4], out[5] = v0 + dv0, v1 + dv1, v2 + dv2
+    out[6], out[7], out[8] = fade * w0, fade * w1, fade * w2
 
 
 @njit(cache=True)
@@ -162,3 +169,35 @@ def fly(state: Array, duration: float, c: Array, max_step: float = MAX_STEP) -> 
     for _ in range(steps):
         step(out, duration / steps, c, out, work)
     return out
+
+
+@njit(cache=True)
+def crossing(state: Array, low: float, high: float, axis: int, level: float, c: Array, trial: Array, work: Array) -> float:
+    """The time in [low, high] s after `state` at which state[axis] crosses `level`, within one step; trial (9,) is the state then.
+
+    axis: 0 to 2 of position or 5, the velocity up. Newton's method, kept between the ends, on states integrated to the trial time: as exact
+    as the flight. The signs at low and high must differ.
+    """
+    if low == 0.0:
+        trial[:] = state
+    else:
+        step(state, low, c, trial, work)
+    t = low
+    falls = trial[axis] > level
+    for _ in range(60):
+        f = trial[axis] - level
+        if (f > 0.0) == falls:
+            low = t
+        else:
+            high = t
+        if axis < 3:
+            slope = trial[3 + axis]
+        else:
+            accelerate(trial[3:6], trial[6:9], c, work[0])
+            slope = work[0, axis - 3]
+        new = t - f / slope if slope != 0.0 else high
+        if f == 0.0 or abs(new - t) < 1e-15:
+            break
+        t = new if low <= new <= high else 0.5 * (low + high)
+        step(state, t, c, trial, work)
+    return t

@@ -13,9 +13,12 @@ from .errors import BadShape, TtError, check_array, check_range
 Array = npt.NDArray[np.float64]
 
 
+_set = object.__setattr__  # of frozen dataclasses
+
+
 def _freeze(state: object, **shapes: tuple[int, ...]) -> None:
     for name, shape in shapes.items():
-        object.__setattr__(state, name, check_array(name, getattr(state, name), shape))
+        _set(state, name, check_array(name, getattr(state, name), shape))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +36,7 @@ class BallState:
     covariance: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", check_range("time", self.time, -math.inf, math.inf))
+        _set(self, "time", check_range("time", self.time, -math.inf, math.inf))
         _freeze(self, position=(3,), velocity=(3,), spin=(3,))
         if self.covariance is not None:
             _freeze(self, covariance=(9, 9))
@@ -47,6 +50,17 @@ class BallState:
     def from_vector(cls, time: float, vector: Array, covariance: Array | None = None) -> BallState:
         """vector: (9,) position, velocity, spin."""
         return cls(time, vector[:3], vector[3:6], vector[6:9], covariance)
+
+    @classmethod
+    def trusted(cls, time: float, vector: Array) -> BallState:
+        """From a (9,) array that a kernel here has just made, which nobody will write to: neither copied nor checked."""
+        ball = cls.__new__(cls)
+        _set(ball, "time", time)
+        _set(ball, "position", vector[:3])
+        _set(ball, "velocity", vector[3:6])
+        _set(ball, "spin", vector[6:9])
+        _set(ball, "covariance", None)
+        return ball
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +103,18 @@ class BallPath:
         if len(self.times) == 0 or (np.diff(self.times) < 0.0).any():
             raise TtError("times of a path must not be empty and must not decrease")
 
+    @classmethod
+    def trusted(cls, rows: Array, bounces: tuple[Bounce, ...], ended: str) -> BallPath:
+        """From rows (n, 10) of time, position, velocity, spin that a kernel here has just made: neither copied nor checked."""
+        path = cls.__new__(cls)
+        _set(path, "times", rows[:, 0])
+        _set(path, "positions", rows[:, 1:4])
+        _set(path, "velocities", rows[:, 4:7])
+        _set(path, "spins", rows[:, 7:10])
+        _set(path, "bounces", bounces)
+        _set(path, "ended", ended)
+        return path
+
     @property
     def end(self) -> BallState:
         return BallState(self.times[-1], self.positions[-1], self.velocities[-1], self.spins[-1])
@@ -123,9 +149,9 @@ class ReturnGoal:
 
     def __post_init__(self) -> None:
         _freeze(self, landing=(2,))
-        object.__setattr__(self, "flight_time", check_range("flight_time", self.flight_time, 0.01, 5.0))
+        _set(self, "flight_time", check_range("flight_time", self.flight_time, 0.01, 5.0))
         for name in ("spin_y", "spin_z"):
-            object.__setattr__(self, name, check_range(name, getattr(self, name), -2000.0, 2000.0))
+            _set(self, name, check_range(name, getattr(self, name), -2000.0, 2000.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +171,18 @@ class RacketState:
     def __post_init__(self) -> None:
         _freeze(self, position=(3,), velocity=(3,))
         for name in ("time", "alpha", "beta"):
-            object.__setattr__(self, name, check_range(name, getattr(self, name), -math.inf, math.inf))
+            _set(self, name, check_range(name, getattr(self, name), -math.inf, math.inf))
+
+    @classmethod
+    def trusted(cls, time: float, position: Array, velocity: Array, normal: Array) -> RacketState:
+        """As `facing`, from arrays that a kernel here has just made: neither copied nor checked."""
+        racket = cls.__new__(cls)
+        _set(racket, "time", time)
+        _set(racket, "position", position)
+        _set(racket, "velocity", velocity)
+        _set(racket, "alpha", -math.asin(min(1.0, max(-1.0, normal[1]))))
+        _set(racket, "beta", math.atan2(normal[0], normal[2]))
+        return racket
 
     @classmethod
     def facing(cls, time: float, position: Array, velocity: Array, normal: Array) -> RacketState:

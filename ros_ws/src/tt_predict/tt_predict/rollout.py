@@ -1,7 +1,7 @@
 """From a state of the ball to its path: flight and bounces, every event exact (dissertation Section 4.5.1, without its time grid).
 
 The integrator walks in steps of MAX_STEP. A step in which an event function changes sign is cut at the root, which is found by integrating
-to trial times, not by interpolation, so an event is as exact as the flight.
+to trial times, not by interpolation, so an event is as exact as the flight. `method="liu"` is the time grid, for comparison.
 """
 
 from __future__ import annotations
@@ -12,23 +12,26 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from tt_core.bounce import rebound_table
-from tt_core.constants import BALL_RADIUS, FLOOR_Z, TABLE_LENGTH, TABLE_WIDTH
-from tt_core.errors import check_range
-from tt_core.flight import MAX_STEP, step
+from tt_core.constants import BALL_RADIUS, FLOOR_Z
+from tt_core.court import meets_edge, meets_net, meets_surface, over_table
+from tt_core.errors import TtError, check_range
+from tt_core.flight import MAX_STEP, accelerate, crossing, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, Bounce
 
 MOST_BOUNCES = 16  # then the ball rolls
 LONGEST = 5.0  # s of a path; no ball flies longer
 HIT_WINDOW = (-0.3, 0.0)  # m in x, dissertation Section 4.5.1
+LIU_STEP = 1.0 / 1200.0  # s, dissertation Section 4.5.1
 
 _TIME, _X, _LANDING, _LIU = range(4)
-_ENDED = ("stop", "floor", "rolling", "too long")
+_ENDED = ("stop", "floor", "net", "edge", "rolling", "too long")
+_STOP, _FLOOR, _NET, _EDGE, _ROLLING, _TOO_LONG = range(6)
 
 
 @dataclass(frozen=True, slots=True)
 class StopRule:
-    """Where a path ends, whatever else: the floor ends it too."""
+    """Where a path ends, unless the floor, the net or the table's edge ends it."""
 
     kind: int
     value: float = 0.0
@@ -55,135 +58,156 @@ class StopRule:
 
 
 @njit(cache=True)
-def _event(state: Array, axis: int, level: float) -> float:
-    return state[axis] - level
-
-
-@njit(cache=True)
-def _root(state: Array, low: float, high: float, axis: int, level: float, air: Array, work: Array, trial: Array) -> float:
-    """The time in [low, high] after `state` at which state[axis] crosses `level` (Illinois rule)."""
-    step(state, low, air, trial, work)
-    f_low = _event(trial, axis, level)
-    step(state, high, air, trial, work)
-    f_high = _event(trial, axis, level)
-    for _ in range(60):
-        if abs(f_high - f_low) < 1e-300:
-            break
-        middle = (low * f_high - high * f_low) / (f_high - f_low)
-        step(state, middle, air, trial, work)
-        f = _event(trial, axis, level)
-        if f * f_high < 0.0:
-            low, f_low = high, f_high
-        else:
-            f_low *= 0.5
-        moved = abs(high - middle)
-        high, f_high = middle, f
-        if f == 0.0 or moved < 1e-15:
-            break
-    return high
-
-
-@njit(cache=True)
-def _contact(state: Array, end: Array, h: float, level: float, air: Array, work: Array, trial: Array) -> float:
-    """The time within the step at which the ball comes down to z = level, or inf."""
-    if end[2] <= level:
-        if state[2] > level:
-            return _root(state, 0.0, h, 2, level, air, work, trial)
-        if state[5] > 0.0 and end[5] < 0.0:  # up from the surface and down again in one step
-            return _root(state, _root(state, 0.0, h, 5, 0.0, air, work, trial), h, 2, level, air, work, trial)
-    elif state[2] > level and state[5] < 0.0 < end[5]:  # a valley within the step
-        bottom = _root(state, 0.0, h, 5, 0.0, air, work, trial)
-        step(state, bottom, air, trial, work)
-        if trial[2] <= level:
-            return _root(state, 0.0, bottom, 2, level, air, work, trial)
-    return np.inf
-
-
-@njit(cache=True)
-def _stop(state: Array, end: Array, h: float, kind: int, value: float, bounced: bool, air: Array, work: Array, trial: Array) -> float:
+def _stops(state: Array, end: Array, h: float, kind: int, value: float, bounced: bool, air: Array, trial: Array, work: Array) -> float:
     """The time within the step at which the stop rule holds, or inf; the rule by landing is the contact itself."""
     if kind == _X and (state[0] - value) * (end[0] - value) <= 0.0 and state[0] != value:
-        return _root(state, 0.0, h, 0, value, air, work, trial)
+        return crossing(state, 0.0, h, 0, value, air, trial, work)
     if kind != _LIU:
         return np.inf
     best = np.inf
     if state[0] > HIT_WINDOW[0] >= end[0]:
-        best = _root(state, 0.0, h, 0, HIT_WINDOW[0], air, work, trial)
+        best = crossing(state, 0.0, h, 0, HIT_WINDOW[0], air, trial, work)
     if bounced:
         enter = 0.0
         if state[0] > HIT_WINDOW[1]:
-            enter = _root(state, 0.0, h, 0, HIT_WINDOW[1], air, work, trial) if end[0] <= HIT_WINDOW[1] else np.inf
+            enter = crossing(state, 0.0, h, 0, HIT_WINDOW[1], air, trial, work) if end[0] <= HIT_WINDOW[1] else np.inf
         if enter <= h:
             step(state, enter, air, trial, work)
             if trial[5] <= 0.0:
                 best = min(best, enter)
             elif end[5] <= 0.0:
-                best = min(best, _root(state, enter, h, 5, 0.0, air, work, trial))
+                best = min(best, crossing(state, enter, h, 5, 0.0, air, trial, work))
     return best
 
 
 @njit(cache=True)
+def _put(rows: Array, n: int, time: float, state: Array) -> None:
+    rows[n, 0] = time
+    for k in range(9):
+        rows[n, 1 + k] = state[k]
+
+
+@njit(cache=True)
 def roll(
-    state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, times: Array, states: Array
+    start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array
 ) -> tuple[int, int, int]:
-    """Fill times (s after the start) and states (n, 9); two rows of one time are a bounce. Returns rows, bounces, index into _ENDED."""
-    work, trial = np.empty((8, 3)), np.empty(9)
-    now, end = state.copy(), np.empty(9)
+    """Fill rows (n, 10) of time, position, velocity, spin; two rows of one time are a bounce. Returns rows, bounces, index into _ENDED.
+
+    start: s, the time of the first row. duration: s, of the longest path.
+    """
+    work, trial, end, now = np.empty((8, 3)), np.empty(9), np.empty(9), state.copy()
+    _put(rows, 0, start, now)
     t, n, bounces = 0.0, 1, 0
-    times[0], states[0] = 0.0, now
-    while n + 3 < len(times):
+    while n + 3 < len(rows):
         h = min(MAX_STEP, duration - t)
         if h <= 0.0:
-            return n, bounces, 0 if kind == _TIME else 3
+            return n, bounces, _STOP if kind == _TIME else _TOO_LONG
         step(now, h, air, end, work)
-        hit = _contact(now, end, h, contact, air, work, trial)
-        if hit <= h:
-            step(now, hit, air, trial, work)
-            if not (0.0 <= trial[0] <= TABLE_LENGTH and 0.0 <= trial[1] <= TABLE_WIDTH):
-                hit = np.inf
-        stop = _stop(now, end, h, kind, value, bounces > 0, air, work, trial)
+        hit = meets_surface(now, end, h, contact, air, trial, work)
+        edge = meets_edge(now, end, h, contact, air, trial, work) if hit == np.inf else np.inf
+        net = meets_net(now, end, h, air, trial, work)
+        stop = _stops(now, end, h, kind, value, bounces > 0, air, trial, work)
         floor = np.inf
         if end[2] <= FLOOR_Z + BALL_RADIUS < now[2]:
-            floor = _root(now, 0.0, h, 2, FLOOR_Z + BALL_RADIUS, air, work, trial)
-        first = min(hit, stop, floor)
+            floor = crossing(now, 0.0, h, 2, FLOOR_Z + BALL_RADIUS, air, trial, work)
+        first = min(hit, stop, floor, edge, net)
         if first <= h:
             step(now, first, air, end, work)
             h = first
         t += h
-        now[:] = end
-        times[n], states[n] = t, now
+        for k in range(9):
+            now[k] = end[k]
+        _put(rows, n, start + t, now)
         n += 1
-        if first == stop and stop < np.inf:
-            return n, bounces, 0
-        if first == floor and floor < np.inf:
-            return n, bounces, 1
-        if first == hit and hit < np.inf:
+        if first == np.inf:
+            continue
+        if first == stop or (first == hit and kind == _LANDING):
+            return n, bounces, _STOP
+        if first != hit:
+            return n, bounces, _FLOOR if first == floor else _NET if first == net else _EDGE
+        now[2] = contact
+        rebound_table(now[3:6], now[6:9], table)
+        _put(rows, n, start + t, now)
+        n += 1
+        bounces += 1
+        if bounces == MOST_BOUNCES:
+            return n, bounces, _ROLLING
+    return n, bounces, _TOO_LONG
+
+
+@njit(cache=True)
+def _rk4(state: Array, h: float, air: Array, k: Array, v: Array) -> None:
+    """(4.59)-(4.61), in place; k (4, 3) and v (4, 3) are scratch."""
+    w = state[6:9]
+    for i in range(4):
+        part = 0.0 if i == 0 else h if i == 3 else 0.5 * h
+        for j in range(3):
+            v[i, j] = state[3 + j] + (part * k[i - 1, j] if i else 0.0)
+        accelerate(v[i], w, air, k[i])
+    for j in range(3):
+        state[j] += h / 6.0 * (v[0, j] + 2.0 * v[1, j] + 2.0 * v[2, j] + v[3, j])
+        state[3 + j] += h / 6.0 * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j])
+
+
+@njit(cache=True)
+def roll_stepped(
+    start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array
+) -> tuple[int, int, int]:
+    """As `roll`, by the dissertation's scheme: RK4 of LIU_STEP, constant spin, and every event at the first step that is past it.
+
+    The ball is at the table in the first step with z <= contact, wherever that is; net and edge are no obstacles.
+    """
+    k, v = np.empty((4, 3)), np.empty((4, 3))
+    now, last = state.copy(), state.copy()
+    _put(rows, 0, start, now)
+    n, bounces = 1, 0
+    for i in range(1, len(rows)):
+        if kind == _TIME and (i - 1) * LIU_STEP >= duration - 1e-12:
+            return n, bounces, _STOP
+        if n + 2 > len(rows):
+            break
+        last[:] = now
+        _rk4(now, LIU_STEP, air, k, v)
+        _put(rows, n, start + i * LIU_STEP, now)
+        n += 1
+        window = bounces > 0 and HIT_WINDOW[0] <= now[0] <= HIT_WINDOW[1] and now[5] <= 0.0
+        if kind == _LIU and (window or now[0] <= HIT_WINDOW[0]):
+            return n, bounces, _STOP
+        if kind == _X and (last[0] - value) * (now[0] - value) <= 0.0:
+            return n, bounces, _STOP
+        if now[2] <= contact and now[5] < 0.0 and over_table(now) and last[2] > contact - 0.5 * BALL_RADIUS:
             if kind == _LANDING:
-                return n, bounces, 0
-            now[2] = contact
+                return n, bounces, _STOP
             rebound_table(now[3:6], now[6:9], table)
-            times[n], states[n] = t, now
+            _put(rows, n, rows[n - 1, 0], now)
             n += 1
             bounces += 1
             if bounces == MOST_BOUNCES:
-                return n, bounces, 2
-    return n, bounces, 3
+                return n, bounces, _ROLLING
+        if now[2] <= FLOOR_Z + BALL_RADIUS:
+            return n, bounces, _FLOOR
+    return n, bounces, _TOO_LONG
 
 
-_ROWS = math.ceil(LONGEST / MAX_STEP) + 2 * MOST_BOUNCES + 8
+_ROWS = {"exact": math.ceil(LONGEST / MAX_STEP) + 2 * MOST_BOUNCES + 8, "liu": math.ceil(LONGEST / LIU_STEP) + MOST_BOUNCES + 8}
 
 
-def rollout(ball: BallState, physics: Physics, stop: StopRule) -> BallPath:
-    """The path of the ball from its state to the stop rule, the floor, or LONGEST seconds; `ended` tells which.
+def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = "exact") -> BallPath:
+    """The path of the ball from its state to the stop rule or to what else ends it; `ended` tells: "stop", "floor", "net", "edge" (of the
+    table), "rolling" after MOST_BOUNCES, "too long" after LONGEST seconds.
 
-    Points lie at most MAX_STEP apart. Bounces are those on the table's surface; the net and the table's edge are not obstacles here.
-    Raises OutOfRange for a stop time before the ball's.
+    Points lie at most MAX_STEP apart. What the ball does after net and edge nobody can tell, so the path ends there.
+    method: "exact", or "liu", the dissertation's own scheme, see `roll_stepped`, which ends at steps only.
+    Raises OutOfRange for a stop time before the ball's, TtError for an unknown method.
     """
-    duration = LONGEST
+    if method not in _ROWS:
+        raise TtError(f"method {method!r} is none of {', '.join(map(repr, _ROWS))}")
+    time, duration = ball.time, LONGEST
     if stop.kind == _TIME:
-        duration = check_range("stop time after the ball's", stop.value - ball.time, 0.0, LONGEST)
-    times, states = np.empty(_ROWS), np.empty((_ROWS, 9))
-    n, bounced, ended = roll(
+        duration = check_range("stop time after the ball's", stop.value - time, 0.0, LONGEST)
+    rows = np.empty((_ROWS[method], 10))
+    n, bounced, ended = (roll if method == "exact" else roll_stepped)(
+        time,
         ball.vector,
         duration,
         stop.kind,
@@ -191,16 +215,18 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule) -> BallPath:
         physics.air.coefficients,
         physics.table.coefficients,
         physics.contact_height,
-        times,
-        states,
+        rows,
     )
-    times, states = times[:n] + ball.time, states[:n]
-    bounces: tuple[Bounce, ...] = ()
-    if bounced:
-        rows = np.flatnonzero(np.diff(times) == 0.0)
-        bounces = tuple(
-            Bounce(BallState.from_vector(times[i], states[i]), BallState.from_vector(times[i], states[i + 1]))
-            for i in rows
-            if states[i, 5] < 0.0 < states[i + 1, 5]
-        )
-    return BallPath(times, states[:, :3], states[:, 3:6], states[:, 6:], bounces, _ENDED[ended])
+    rows = rows[:n]
+    rows.flags.writeable = False
+    return BallPath.trusted(rows, _bounces(rows) if bounced else (), _ENDED[ended])
+
+
+def _bounces(rows: Array) -> tuple[Bounce, ...]:
+    """Of rows (n, 10): each pair of one time."""
+    times = rows[:, 0]
+    return tuple(
+        Bounce(BallState.trusted(times[i], rows[i, 1:]), BallState.trusted(times[i], rows[i + 1, 1:]))
+        for i in np.flatnonzero(times[1:] == times[:-1]).tolist()
+        if rows[i, 6] < 0.0 < rows[i + 1, 6]
+    )

@@ -1,6 +1,7 @@
 """The stroke that sends the ball to the goal: a two-point boundary value problem, coupled with the racket (dissertation 4.2, 4.3).
 
-Unknown is the velocity v1 after the hit. Spin x follows from it by (4.16), the flight from both, the racket from all.
+Unknown is the velocity v1 after the hit. Spin x follows from it by (4.16), the flight from both, the racket from all. Broyden's method
+corrects v1 on flights of long steps; what these are off from the exact flight is found once, at the solution, and aimed off.
 """
 
 from __future__ import annotations
@@ -10,19 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.court import meets_net, meets_surface
 from tt_core.errors import TtError
-from tt_core.flight import MAX_STEP, fly, step
+from tt_core.flight import MAX_STEP, crossing, fly, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState, RacketState, ReturnGoal
 
 from .impact import racket_for, spin_after
 
 TOLERANCE = 1e-9  # m, of the landing
-COARSE_STEP = 0.1  # s, of the flights far from the solution: 1e-7 m off
-COARSE = 1e-6  # m, the residual from which the flights are exact
+COARSE_STEP = 0.1  # s, of the flights that are corrected: 1e-7 m off
+COARSE = 1e-6  # m, the miss from which it pays to know what they are off
+FINE = 1e-11  # m, the miss of the coarse flight to the place aimed off
 MOST_CORRECTIONS = 40
 FASTEST = 60.0  # m/s after the hit; past it the search has left the field
+SAME_INSTANT = 1e-6  # s, a contact this near the landing is the landing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +34,8 @@ class Stroke:
     """The answer: racket and ball just after the hit, both None without a solution, and why not.
 
     residual: m, how far from the goal the full flight model puts the landing point at the asked time. corrections: of v1.
+    missing: by how much the goal is out of reach, in the unit of `reason`, 0 when solved. share: of the change of spin that the rubber can
+    give at this change of velocity, over 1 there is no racket; inf where the search did not get that far.
     """
 
     racket: RacketState | None
@@ -37,11 +43,13 @@ class Stroke:
     residual: float
     corrections: int
     reason: str | None = None
+    missing: float = 0.0
+    share: float = math.inf
 
 
 @njit(cache=True)
-def _aim_sam(p0: Array, spin_y: float, spin_z: float, target: Array, flight_time: float, air: Array, v1: Array) -> None:
-    """(4.58): drag axis by axis, no Magnus force. D takes h of (3.3) for the straight way to the target."""
+def _aim_sam(p0: Array, spin_y: float, spin_z: float, target: Array, flight_time: float, air: Array, v1: Array) -> float:
+    """(4.58): drag axis by axis, no Magnus force. Returns D, which takes h of (3.3) for the straight way to the target."""
     dx, dy = target[0] - p0[0], target[1] - p0[1]
     across = dx * spin_y
     norm = math.sqrt(across * across + (dx * dx + dy * dy) * spin_z * spin_z)
@@ -50,31 +58,50 @@ def _aim_sam(p0: Array, spin_y: float, spin_z: float, target: Array, flight_time
         way = target[k] - p0[k]
         v1[k] = math.copysign((math.exp(d * abs(way)) - 1.0) / (d * flight_time), way) if d > 0.0 else way / flight_time
     v1[2] = 0.5 * air[0] * flight_time + (target[2] - p0[2]) / flight_time
+    return d
 
 
 @njit(cache=True)
-def _shoot(
-    ball: Array, spin_y: float, spin_z: float, target: Array, flight_time: float, air: Array, most: int, after: Array
-) -> tuple[float, int]:
-    """Correct after[3:6] = v1 by Broyden's method until the flight ends on target; returns the residual (m) and the corrections made.
+def _first_inverse(v: Array, spin_y: float, spin_z: float, d: float, flight_time: float, air: Array) -> Array:
+    """(3, 3) d v1 / d landing to first order in drag D and Magnus force: (1 - T/2 da/dv)^-1 / T is (1 + T/2 da/dv) / T."""
+    half = 0.5 * flight_time
+    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    lift = air[3]
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = half * d * v[i] * v[j] / speed
+        out[i, i] += 1.0 + half * d * speed
+    out[0, 2] -= half * lift * spin_y
+    out[2, 0] += half * lift * spin_y
+    out[0, 1] += half * lift * spin_z
+    out[1, 0] -= half * lift * spin_z
+    return out / flight_time
 
-    The start of the inverse Jacobian is that of a flight without air, 1 / flight_time.
+
+@njit(cache=True)
+def _correct(
+    ball: Array, goal: Array, aim: Array, air: Array, tolerance: float, most: int, after: Array, inverse: Array, end: Array
+) -> tuple[bool, int]:
+    """Correct after[3:6] = v1 by Broyden's method until the coarse flight ends within tolerance of `aim`, at most so many times.
+
+    end: (9,) of the last coarse flight. inverse: (3, 3) of the Jacobian, updated. Returns whether the search stayed in the field, and the
+    corrections made.
     """
-    inverse = np.eye(3) / flight_time
     miss, last, change, moved, b, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    residual, max_step, fresh = np.inf, COARSE_STEP, True
-    for n in range(most + 1):
+    flight_time = goal[2]
+    n = 0
+    while True:
         if abs(after[3] - ball[3]) < 1e-6 or not abs(after[3]) + abs(after[4]) + abs(after[5]) < FASTEST:
-            return np.inf, n
-        spin_after(ball[3:6], ball[6:9], after[3:6], spin_y, spin_z, after[6:9])
-        end = fly(after, flight_time, air, max_step if n < most else MAX_STEP)
+            return False, n
+        spin_after(ball[3:6], ball[6:9], after[3:6], goal[3], goal[4], after[6:9])
+        end[:] = fly(after, flight_time, air, COARSE_STEP)
         for k in range(3):
             last[k] = miss[k]
-            miss[k] = end[k] - target[k]
-        residual = math.sqrt(miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
-        if (residual < TOLERANCE and max_step == MAX_STEP) or n == most:
-            return residual, n
-        if not fresh:
+            miss[k] = end[k] - aim[k]
+        if miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] < tolerance * tolerance or n == most:
+            return True, n
+        if n > 0:
             for k in range(3):
                 change[k] = miss[k] - last[k]
             scale = 0.0
@@ -86,76 +113,162 @@ def _shoot(
                 for i in range(3):
                     for j in range(3):
                         inverse[i, j] += (moved[i] - b[i]) * row[j] / scale
-        fresh = residual < COARSE and max_step == COARSE_STEP
-        if fresh:
-            max_step = MAX_STEP  # its residuals do not compare with the coarse ones
         for i in range(3):
             moved[i] = -(inverse[i, 0] * miss[0] + inverse[i, 1] * miss[1] + inverse[i, 2] * miss[2])
             after[3 + i] += moved[i]
-    return residual, most
+        n += 1
 
 
-_CLEAR, _NET, _TABLE = range(3)
+_CLEAR, _NET, _TABLE, _SIDE, _EARLY, _SEARCH, _SPIN, _SPEED = range(8)
 
 
 @njit(cache=True)
-def _obstacle(after: Array, flight_time: float, air: Array, contact: float) -> int:
-    """What the returned ball meets before the goal: looked at in steps of at most MAX_STEP and where it crosses the net."""
-    work, now, end, over = np.empty((8, 3)), after.copy(), np.empty(9), np.empty(9)
+def _walk(after: Array, flight_time: float, air: Array, contact: float, end: Array) -> tuple[int, float]:
+    """Fly to the landing, end (9,), in steps of MAX_STEP; what the ball meets before, and by how much: m under the top of the net or beside
+    the table, s before the landing.
+
+    The bounce of a ball that goes where it should is that on the opponent's half at the flight time.
+    """
+    work, trial, now = np.empty((8, 3)), np.empty(9), after.copy()
     steps = math.ceil(flight_time / MAX_STEP)
     h = flight_time / steps
-    for _ in range(steps):
+    met, missing = _CLEAR, 0.0
+    for i in range(steps):
         step(now, h, air, end, work)
-        if now[0] < NET_X <= end[0]:
-            s = h * (NET_X - now[0]) / (end[0] - now[0])
-            for _newton in range(4):
-                step(now, s, air, over, work)
-                s += (NET_X - over[0]) / over[3]
-            step(now, s, air, over, work)
-            if over[2] < NET_HEIGHT + BALL_RADIUS and -NET_OVERHANG < over[1] < TABLE_WIDTH + NET_OVERHANG:
-                return _NET
-        if end[2] < contact and 0.0 <= end[0] <= NET_X and 0.0 <= end[1] <= TABLE_WIDTH:
-            return _TABLE
+        if met == _CLEAR and now[0] - BALL_RADIUS < NET_X < end[0] + BALL_RADIUS:
+            if meets_net(now, end, h, air, trial, work) < np.inf:
+                if trial[0] < NET_X:
+                    crossing(now, 0.0, h, 0, trial[0], air, trial, work)
+                met, missing = _NET, NET_HEIGHT + BALL_RADIUS - trial[2]
+            elif now[0] < NET_X <= end[0]:
+                crossing(now, 0.0, h, 0, NET_X, air, trial, work)
+                missing = max(-trial[1], trial[1] - TABLE_WIDTH)
+                met = _SIDE if missing > 0.0 else _CLEAR
+        elif met == _CLEAR and now[0] > NET_X and not 0.0 <= now[1] <= TABLE_WIDTH:
+            met, missing = _SIDE, max(-now[1], now[1] - TABLE_WIDTH)
+        if met == _CLEAR and (end[2] <= contact or now[5] < 0.0 < end[5]):
+            before = flight_time - i * h - meets_surface(now, end, h, contact, air, trial, work)
+            if before > SAME_INSTANT:
+                met, missing = (_TABLE if trial[0] < NET_X else _EARLY), before
         now[:] = end
-    return _CLEAR
+    return met, missing
 
 
-_REASONS = {_NET: "the return would hit the net", _TABLE: "the return would hit the robot's half of the table"}
+@njit(cache=True)
+def find(
+    ball: Array,
+    goal: Array,
+    air: Array,
+    rubber: Array,
+    contact: float,
+    most: int,
+    exact: bool,
+    after: Array,
+    velocity: Array,
+    normal: Array,
+) -> tuple[int, float, float, int, float]:
+    """ball (9,), goal (5,): landing x, y, flight time, spin_y, spin_z. Fills the ball after the hit (9,), racket velocity and normal (3,).
+
+    Returns what is in the way, by how much, residual, corrections, share.
+    """
+    target, end, coarse = np.array([goal[0], goal[1], contact]), np.empty(9), np.empty(9)
+    after[:] = ball
+    d = _aim_sam(ball[:3], goal[3], goal[4], target, goal[2], air, after[3:6])
+    inverse = _first_inverse(after[3:6], goal[3], goal[4], d, goal[2], air)
+    aim, made, tolerance = target.copy(), 0, COARSE
+    while True:
+        inside, n = _correct(ball, goal, aim, air, tolerance, most - made, after, inverse, coarse)
+        made += n
+        if not inside:
+            return _SEARCH, np.inf, np.inf, made, np.inf
+        if tolerance == COARSE and made < most:
+            end[:] = fly(after, goal[2], air)
+            tolerance = FINE
+            for k in range(3):
+                aim[k] = target[k] - (end[k] - coarse[k])
+            continue
+        met, missing = _walk(after, goal[2], air, contact, end)
+        residual = math.sqrt((end[0] - target[0]) ** 2 + (end[1] - target[1]) ** 2 + (end[2] - target[2]) ** 2)
+        if residual < TOLERANCE or made >= most:
+            break
+        for k in range(3):
+            aim[k] = target[k] - (end[k] - coarse[k])
+    if exact and residual >= TOLERANCE and most == MOST_CORRECTIONS:
+        return _SEARCH, residual, residual, made, np.inf
+    share = racket_for(ball[3:6], ball[6:9], after[3:6], after[6:9], rubber, velocity, normal)
+    if share > 1.0:
+        return _SPIN, share - 1.0, residual, made, share
+    if not exact and met == _EARLY:
+        met = _CLEAR  # it misses the goal anyway
+    return met, missing if met != _CLEAR else 0.0, residual, made, share
 
 
-def _refused(reason: str, residual: float = math.inf, corrections: int = 0) -> Stroke:
-    return Stroke(None, None, residual, corrections, reason)
+def _why(met: int, missing: float, share: float, goal: ReturnGoal) -> str:
+    if met == _SPIN:
+        return f"the asked change of spin is {share:.2f} times what the rubber gives"
+    if met == _SEARCH:
+        return f"no velocity leads to the goal in {goal.flight_time:g} s"
+    if met == _NET:
+        return f"the return would hit the net, {1e3 * missing:.0f} mm too low"
+    if met == _SIDE:
+        return f"the return would leave the table sideways, {1e3 * missing:.0f} mm beside it"
+    if met == _EARLY:
+        return f"the return would land {1e3 * missing:.0f} ms too early"
+    return f"the return would hit the robot's half of the table, {1e3 * missing:.0f} ms before the goal"
 
 
-def solve(ball: BallState, goal: ReturnGoal, physics: Physics, *, method: str = "exact", corrections: int = MOST_CORRECTIONS) -> Stroke:
+def solve(
+    ball: BallState,
+    goal: ReturnGoal,
+    physics: Physics,
+    *,
+    method: str = "exact",
+    corrections: int = MOST_CORRECTIONS,
+    racket_speed: float = math.inf,
+) -> Stroke:
     """The racket state at the ball's time and place that sends it to the goal.
 
     ball: at the hit, flying to -x. method: "exact", the full model, from the "sam" start, or "sam", the simple one (4.48)-(4.58) alone.
-    corrections: the most that "exact" makes; fewer give a coarser answer in less time. The racket's face lies contact_height behind the
-    ball's centre, and its normal points from it to the ball.
+    corrections: the most that "exact" makes; fewer give a coarser answer in less time. racket_speed: m/s, the most there is. The racket's
+    face lies contact_height behind the ball's centre, and its normal points from it to the ball.
     A goal that cannot be met is a Stroke with a reason; raises TtError for an unknown method.
     """
     if method not in ("exact", "sam"):
         raise TtError(f"method {method!r} is none of 'exact', 'sam'")
-    if not (NET_X < goal.landing[0] < TABLE_LENGTH and 0.0 < goal.landing[1] < TABLE_WIDTH):
-        return _refused(f"landing {goal.landing} is not on the opponent's half, x {NET_X} to {TABLE_LENGTH}, y 0 to {TABLE_WIDTH}")
-    if ball.velocity[0] >= 0.0:
-        return _refused(f"the ball does not come: v_x = {ball.velocity[0]:g} m/s")
-    if ball.position[0] >= NET_X:
-        return _refused(f"the ball is on the opponent's side: x = {ball.position[0]:g} m")
-    air, target = physics.air.coefficients, np.append(goal.landing, physics.contact_height)
-    before, after = ball.vector, ball.vector
-    _aim_sam(ball.position, goal.spin_y, goal.spin_z, target, goal.flight_time, air, after[3:6])
-    most = corrections if method == "exact" else 0
-    residual, made = _shoot(before, goal.spin_y, goal.spin_z, target, goal.flight_time, air, most, after)
-    if not residual < math.inf or (method == "exact" and made == MOST_CORRECTIONS):
-        return _refused(f"no velocity leads to the goal in {goal.flight_time:g} s", residual, made)
-    velocity, normal = np.empty(3), np.empty(3)
-    share = racket_for(before[3:6], before[6:9], after[3:6], after[6:9], physics.racket.coefficients, velocity, normal)
-    if share > 1.0:
-        return _refused(f"the asked change of spin is {share:.2f} times what the rubber gives", residual, made)
-    met = _obstacle(after, goal.flight_time, air, physics.contact_height)
+    row = np.empty(5)
+    row[:2], row[2], row[3], row[4] = goal.landing, goal.flight_time, goal.spin_y, goal.spin_z
+    before = ball.vector
+    if not (NET_X < row[0] < TABLE_LENGTH and 0.0 < row[1] < TABLE_WIDTH):
+        beside = max(NET_X - row[0], row[0] - TABLE_LENGTH, -row[1], row[1] - TABLE_WIDTH)
+        where = f"x {NET_X} to {TABLE_LENGTH}, y 0 to {TABLE_WIDTH}"
+        return Stroke(None, None, math.inf, 0, f"landing {goal.landing} is not on the opponent's half, {where}", float(beside))
+    if before[3] >= 0.0:
+        return Stroke(None, None, math.inf, 0, f"the ball does not come: v_x = {before[3]:g} m/s", float(before[3]))
+    if before[0] >= NET_X:
+        return Stroke(None, None, math.inf, 0, f"the ball is on the opponent's side: x = {before[0]:g} m", float(before[0] - NET_X))
+    after, velocity, normal = np.empty(9), np.empty(3), np.empty(3)
+    contact, exact = physics.contact_height, method == "exact"
+    met, missing, residual, made, share = find(
+        before,
+        row,
+        physics.air.coefficients,
+        physics.racket.coefficients,
+        contact,
+        corrections if exact else 0,
+        exact,
+        after,
+        velocity,
+        normal,
+    )
     if met != _CLEAR:
-        return _refused(_REASONS[met], residual, made)
-    racket = RacketState.facing(ball.time, ball.position - physics.contact_height * normal, velocity, normal)
-    return Stroke(racket, BallState.from_vector(ball.time, after), residual, made)
+        return Stroke(None, None, residual, made, _why(met, missing, share, goal), missing, share)
+    if racket_speed < math.inf:
+        speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
+        if speed > racket_speed:
+            reason = f"racket speed {speed:.2f} m/s is over {racket_speed:g} m/s"
+            return Stroke(None, None, residual, made, reason, speed - racket_speed, share)
+    after.flags.writeable = velocity.flags.writeable = False
+    position = before[:3] - contact * normal
+    position.flags.writeable = False
+    racket = RacketState.trusted(ball.time, position, velocity, normal)
+    return Stroke(racket, BallState.trusted(ball.time, after), residual, made, None, 0.0, share)
