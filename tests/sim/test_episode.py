@@ -33,8 +33,8 @@ def test_a_goal_is_asked_for():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"latency": 1.5}, "missed"),
-        ({"latency": 0.4}, "arm: "),
+        ({"latency": 1.5}, "arm: no swing"),
+        ({"latency": 0.4}, "arm: 0: the strike is"),
         ({"intercept": InterceptParams(z_low=2.0, z_high=3.0)}, "no stroke: the ball does not come within reach"),
         ({"intercept": InterceptParams(racket_speed=0.1)}, "no stroke: racket speed"),
     ],
