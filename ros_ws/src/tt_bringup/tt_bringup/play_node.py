@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import ConnectionExtRosbag2, Qos, QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
+from tt_core.ros.listeners import is_heard
 
 from .packages import NotFound, interface
 from .play import Step, pace, with_clock
@@ -26,7 +27,6 @@ from .record import BagError, open_bag
 DEPTH = 1000  # messages that a slow subscriber may be behind
 POLL = 0.05  # s between two looks for subscribers
 FIRST, QUIET = 30.0, 3.0  # s to wait for the first subscriber, and after each for one more: nodes that start together come together
-RECORDERS = {"record", "rosbag2_recorder"}  # nodes that subscribe to whatever there is: it is not for them that we wait
 MATCH = 0.2  # s until a subscriber that we know knows us too
 ACKNOWLEDGED = Duration(seconds=2)  # to wait at the end for reliable subscribers
 
@@ -76,14 +76,11 @@ class PlayNode(Node):
         while matched < len(self._outputs) and time.monotonic() < end:
             time.sleep(POLL)
             self._tick(self._reader.start_time)
-            now = sum(self._has_listener(output) for output in self._outputs.values())
+            now = sum(is_heard(self, output) for output in self._outputs.values())
             if now > matched:
                 matched, end = now, time.monotonic() + QUIET
         time.sleep(MATCH)
         return matched
-
-    def _has_listener(self, output: Publisher) -> bool:
-        return any(info.node_name not in RECORDERS for info in self.get_subscriptions_info_by_topic(output.topic_name))
 
     def play(self, rate: float) -> int:
         """Publishes all and tells how many messages that were. rate: recorded seconds in a second."""

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.errors import TtError, check_range
 from tt_core.ros.convert import camera_to_message, image_to_message
+from tt_core.ros.listeners import is_heard
 from tt_core.ros.params import declare, parameter
 from tt_core.ros.qos import LATCHED, SENSOR
 from tt_core.ros.run import run
@@ -28,7 +29,7 @@ class PlayParams:
     speed: float = 1.0  # recorded seconds in a second; 0: as fast as they are read
     restamp: bool = False  # stamps are moved so that the first image is now
     loop: bool = False  # starts again at the end
-    wait: float = 10.0  # s, at most, for someone to listen to both cameras
+    wait: float = 30.0  # s, at most, for a node that listens to both cameras, as long as one may take to start
 
     def __post_init__(self) -> None:
         check_range("speed", self.speed, 0.0, 100.0)
@@ -70,7 +71,7 @@ class CameraNode(Node):
     def publish_all(self) -> None:
         """Until the end of the source, or of the node."""
         end = time.monotonic() + self.play.wait
-        while time.monotonic() < end and not all(publisher.get_subscription_count() for publisher in self.images):
+        while time.monotonic() < end and not all(is_heard(self, publisher) for publisher in self.images):
             time.sleep(0.05)
         try:
             count = self.publish_once()
