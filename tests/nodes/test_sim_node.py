@@ -41,6 +41,15 @@ def test_a_launch_becomes_images_and_its_end_is_told(start, probe, until):
     assert contacts[0].position[2] == pytest.approx(0.02, abs=1e-9)  # m, the bounce
 
 
+def test_always_on_publishes_frames_without_a_ball(start, probe, until):
+    start("tt_sim.sim_node", "--ros-args", "-p", "always_on:=true")
+    stamps = []
+    probe.create_subscription(Image, "/camera/left/image_raw", lambda m: stamps.append(seconds(m.header.stamp)), SENSOR)
+    until(lambda: len(stamps) > 300, probe)
+    # the median: a busy machine may lose frames, and falls behind for a while
+    assert np.median(np.diff(stamps)) == pytest.approx(1 / 900, abs=1e-5)
+
+
 def test_the_arm_does_what_it_is_told(start, probe, until):
     start("tt_sim.sim_node")
     states = []

@@ -147,7 +147,8 @@ class SimNode(Node):
         joints = Joints(start, self.arm.waiting, np.zeros(len(self.arm.names)))
         racket = self.plant.racket(joints)
         noise = np.random.default_rng(self.params.seed + 1)  # of the encoders; the other generator is the launches'
-        now, frame_time, launch_time = start, start, 0.0
+        now, launch_time = start, 0.0
+        dark_due = start if self.params.always_on else np.inf
         flight: Flight | None = None
         dark = [
             image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
@@ -156,10 +157,7 @@ class SimNode(Node):
         clock_due = start
         while self.context.ok():
             tick_due = now + self.params.tick
-            frame_due = launch_time + flight.frames[0][0] if flight and flight.frames else np.inf
-            if self.params.always_on and not (flight and flight.frames):
-                frame_time = max(frame_time + 1.0 / FRAME_RATE, now)
-                frame_due = frame_time
+            frame_due = launch_time + flight.frames[0][0] if flight and flight.frames else dark_due
             due = min(tick_due, frame_due)
             wait = (due - start) / self.params.rtf - (time.monotonic() - real_start)
             if wait > 0.0:
@@ -169,6 +167,8 @@ class SimNode(Node):
                 for publisher, image in zip(self.images, images, strict=True):
                     image.header.stamp = stamp(frame_due)
                     publisher.publish(image)
+                if self.params.always_on:
+                    dark_due = frame_due + 1.0 / FRAME_RATE
                 continue
             now = tick_due
             if now >= clock_due:
