@@ -58,7 +58,9 @@ def test_a_point_behind_is_not_seen():
 def test_triangulation_undoes_projection(x, y, z):
     point = around(x, y, z)
     for pair in ((LEFT, RIGHT), (BENT, RIGHT)):
-        assert triangulate(pair, np.array([camera.project(point) for camera in pair])) == pytest.approx(point, abs=1e-9)
+        pixels = np.array([camera.project(point) for camera in pair])
+        assert triangulate(pair, pixels) == pytest.approx(point, abs=1e-9)
+        assert triangulate(pair, pixels[:, 0]) == pytest.approx(point[0], abs=1e-9)
 
 
 def test_triangulation_shares_the_error_of_the_image():

@@ -170,11 +170,13 @@ def _rays(camera: Array, pixels: Array) -> Array:
 def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
     """The points that the cameras see at `pixels`.
 
-    pixels: (cameras, n, 2). Returns (n, 3) m in `table`: the linear solution (B.74), each row scaled by the distance it implies so that
+    pixels: (cameras, n, 2), or (cameras, 2) of one point. Returns (n, 3), or (3,), m in `table`: the linear solution (B.74), each row scaled by the distance it implies so that
     the residuals are those of the image, twice over. Raises TtError for fewer than two cameras or rays that are parallel.
     """
     if len(cameras) < 2:
         raise TtError(f"{len(cameras)} cameras cannot triangulate")
+    if np.ndim(pixels) == 2:
+        return triangulate(cameras, np.asarray(pixels)[:, None])[0]
     seen = check_array("pixels", pixels, (len(cameras), -1, 2))
     rows, right, depths = [], [], []
     for camera, uv in zip(cameras, seen, strict=True):
