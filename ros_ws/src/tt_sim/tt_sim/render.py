@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 
@@ -162,7 +163,7 @@ class Noise:
 class Scene:
     """What the cameras share: the ball's marks, the light, the sensor."""
 
-    texture: Texture = field(default_factory=Texture.drawn)
+    texture: Texture = field(default_factory=functools.cache(Texture.drawn))
     lamps: Lamps = field(default_factory=Lamps)
     noise: Noise = field(default_factory=Noise)
 

@@ -170,8 +170,9 @@ def _rays(camera: Array, pixels: Array) -> Array:
 def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
     """The points that the cameras see at `pixels`.
 
-    pixels: (cameras, n, 2), or (cameras, 2) of one point. Returns (n, 3), or (3,), m in `table`: the linear solution (B.74), each row scaled by the distance it implies so that
-    the residuals are those of the image, twice over. Raises TtError for fewer than two cameras or rays that are parallel.
+    pixels: (cameras, n, 2), or (cameras, 2) of one point. Returns (n, 3), or (3,), m in `table`: the linear solution (B.74), each row
+    scaled by the distance it implies so that the residuals are those of the image, twice over. Raises TtError for fewer than two cameras
+    or rays that are parallel.
     """
     if len(cameras) < 2:
         raise TtError(f"{len(cameras)} cameras cannot triangulate")

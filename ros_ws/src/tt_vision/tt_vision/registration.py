@@ -26,7 +26,7 @@ KEPT = 5  # candidates that are refined; the right one was first in each of 160 
 APART = 0.2  # rad between kept candidates
 COARSE_POINTS, FINE_POINTS = 500, 2500  # points on the sphere in the refinements
 SETTLED = 0.3  # rad/s, last step of the refinement
-LEAST_OVERLAP = 0.05  # of the sphere seen in both frames of a pair
+LEAST_OVERLAP = 0.1  # of what one frame shows that the next one shows too
 GATE = 0.10  # residual above which a registration is not believed: right ones reach 0.03, wrong ones start at 0.2
 
 
@@ -90,7 +90,7 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
             break
     before = firsts(fine, pairs, s.marks, *where)
     cost, weight, _, _ = compare_pairs(spin, fine, before, pairs, s.marks, *where, s.times, 0.0)
-    enough = weight > LEAST_OVERLAP * len(fine) * len(pairs)
+    enough = weight > LEAST_OVERLAP * float((before[..., 1] ** 2).sum())
     residual = cost / (2.0 * s.contrast * weight) if enough else 1.0
     return Registration(spin, h / max(error, 1e-12), residual, len(rotations))
 
