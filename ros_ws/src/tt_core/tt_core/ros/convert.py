@@ -179,6 +179,8 @@ def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
     """(width, height, (3, 3) K in pixels, (5,) distortion in OpenCV order)."""
     if message.distortion_model not in ("", "plumb_bob") or len(message.d) > 5:
         raise BadMessage(f"distortion model {message.distortion_model!r} with {len(message.d)} numbers is not plumb_bob")
+    if message.k[0] <= 0.0 or message.k[4] <= 0.0:
+        raise BadMessage(f"camera of {message.width} x {message.height} pixels is not calibrated: K = {message.k}")
     return message.width, message.height, check_array("k", np.reshape(message.k, (3, 3)), (3, 3)), np.resize([*message.d, *[0.0] * 5], 5)
 
 
