@@ -11,6 +11,8 @@ from .constants import BALL_RADIUS, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGT
 from .flight import crossing, step
 from .states import Array
 
+MOST_ACCELERATION = 100.0  # m/s^2, more than a ball ever has; bounds how far its arc is from the chord
+
 
 @njit(cache=True)
 def over_table(state: Array) -> bool:
@@ -72,9 +74,13 @@ def meets_edge(state: Array, end: Array, h: float, contact: float, air: Array, t
 def meets_net(state: Array, end: Array, h: float, air: Array, trial: Array, work: Array) -> float:
     """Seconds into the step at which the ball meets the net, or inf: its front the net below the tape, or its centre the net's plane less
     than a radius above the tape."""
+    sag = MOST_ACCELERATION * h * h / 8.0
     side = 1.0 if state[0] > NET_X else -1.0
     for level, top in ((NET_X + side * BALL_RADIUS, NET_HEIGHT), (NET_X, NET_HEIGHT + BALL_RADIUS)):
         if side * (state[0] - level) > 0.0 >= side * (end[0] - level):
+            chord = state[2] + (end[2] - state[2]) * (level - state[0]) / (end[0] - state[0])
+            if chord > top + sag:
+                continue
             t = crossing(state, 0.0, h, 0, level, air, trial, work)
             if 0.0 < trial[2] < top and -NET_OVERHANG < trial[1] < TABLE_WIDTH + NET_OVERHANG:
                 return t

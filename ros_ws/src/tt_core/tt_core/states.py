@@ -52,13 +52,13 @@ class BallState:
         return cls(time, vector[:3], vector[3:6], vector[6:9], covariance)
 
     @classmethod
-    def trusted(cls, time: float, vector: Array) -> BallState:
-        """From a (9,) array that a kernel here has just made, which nobody will write to: neither copied nor checked."""
+    def trusted(cls, time: float, position: Array, velocity: Array, spin: Array) -> BallState:
+        """From read-only (3,) arrays that have been checked, or that a kernel here has just made: neither copied nor checked."""
         ball = cls.__new__(cls)
         _set(ball, "time", time)
-        _set(ball, "position", vector[:3])
-        _set(ball, "velocity", vector[3:6])
-        _set(ball, "spin", vector[6:9])
+        _set(ball, "position", position)
+        _set(ball, "velocity", velocity)
+        _set(ball, "spin", spin)
         _set(ball, "covariance", None)
         return ball
 
@@ -117,7 +117,7 @@ class BallPath:
 
     @property
     def end(self) -> BallState:
-        return BallState(self.times[-1], self.positions[-1], self.velocities[-1], self.spins[-1])
+        return BallState.trusted(float(self.times[-1]), self.positions[-1], self.velocities[-1], self.spins[-1])
 
     def at(self, time: float) -> BallState:
         """The ball at `time`, after the bounce when a bounce is at `time`; raises OutOfRange outside the path."""
@@ -174,14 +174,14 @@ class RacketState:
             _set(self, name, check_range(name, getattr(self, name), -math.inf, math.inf))
 
     @classmethod
-    def trusted(cls, time: float, position: Array, velocity: Array, normal: Array) -> RacketState:
-        """As `facing`, from arrays that a kernel here has just made: neither copied nor checked."""
+    def trusted(cls, time: float, position: Array, velocity: Array, alpha: float, beta: float) -> RacketState:
+        """From read-only (3,) arrays that a kernel here has just made: neither copied nor checked."""
         racket = cls.__new__(cls)
         _set(racket, "time", time)
         _set(racket, "position", position)
         _set(racket, "velocity", velocity)
-        _set(racket, "alpha", -math.asin(min(1.0, max(-1.0, normal[1]))))
-        _set(racket, "beta", math.atan2(normal[0], normal[2]))
+        _set(racket, "alpha", alpha)
+        _set(racket, "beta", beta)
         return racket
 
     @classmethod

@@ -10,14 +10,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.bounce import rebound_table
-from tt_core.constants import BALL_RADIUS, FLOOR_Z
+from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_X
 from tt_core.court import meets_edge, meets_net, meets_surface, over_table
 from tt_core.errors import TtError, check_range
-from tt_core.flight import MAX_STEP, accelerate, crossing, step
+from tt_core.flight import MAX_STEP, accelerate, crossing, ease, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, Bounce
+
+Rows = npt.NDArray[np.int64]
 
 MOST_BOUNCES = 16  # then the ball rolls
 LONGEST = 5.0  # s of a path; no ball flies longer
@@ -26,7 +29,7 @@ LIU_STEP = 1.0 / 1200.0  # s, dissertation Section 4.5.1
 
 _TIME, _X, _LANDING, _LIU = range(4)
 _ENDED = ("stop", "floor", "net", "edge", "rolling", "too long")
-_STOP, _FLOOR, _NET, _EDGE, _ROLLING, _TOO_LONG = range(6)
+_STOP, _FLOOR, _NET, _EDGE, _ROLLING, _TOO_LONG, _FULL = range(7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +92,10 @@ def _put(rows: Array, n: int, time: float, state: Array) -> None:
 
 @njit(cache=True)
 def roll(
-    start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array
+    start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array, at: Rows
 ) -> tuple[int, int, int]:
-    """Fill rows (n, 10) of time, position, velocity, spin; two rows of one time are a bounce. Returns rows, bounces, index into _ENDED.
+    """Fill rows (n, 10) of time, position, velocity, spin; two rows of one time are a bounce, the second in `at` (MOST_BOUNCES,).
+    Returns rows, bounces, index into _ENDED, or _FULL when rows are too few.
 
     start: s, the time of the first row. duration: s, of the longest path.
     """
@@ -99,15 +103,19 @@ def roll(
     _put(rows, 0, start, now)
     t, n, bounces = 0.0, 1, 0
     while n + 3 < len(rows):
-        h = min(MAX_STEP, duration - t)
+        h = min(MAX_STEP * ease(now, air), duration - t)
         if h <= 0.0:
             return n, bounces, _STOP if kind == _TIME else _TOO_LONG
         step(now, h, air, end, work)
-        hit = meets_surface(now, end, h, contact, air, trial, work)
-        edge = meets_edge(now, end, h, contact, air, trial, work) if hit == np.inf else np.inf
-        net = meets_net(now, end, h, air, trial, work)
-        stop = _stops(now, end, h, kind, value, bounces > 0, air, trial, work)
-        floor = np.inf
+        hit, edge, net, stop, floor = np.inf, np.inf, np.inf, np.inf, np.inf
+        if end[2] <= contact or now[5] < 0.0 < end[5]:
+            hit = meets_surface(now, end, h, contact, air, trial, work)
+            if hit == np.inf:
+                edge = meets_edge(now, end, h, contact, air, trial, work)
+        if min(now[0], end[0]) - BALL_RADIUS <= NET_X <= max(now[0], end[0]) + BALL_RADIUS:
+            net = meets_net(now, end, h, air, trial, work)
+        if kind in (_X, _LIU):
+            stop = _stops(now, end, h, kind, value, bounces > 0, air, trial, work)
         if end[2] <= FLOOR_Z + BALL_RADIUS < now[2]:
             floor = crossing(now, 0.0, h, 2, FLOOR_Z + BALL_RADIUS, air, trial, work)
         first = min(hit, stop, floor, edge, net)
@@ -128,11 +136,12 @@ def roll(
         now[2] = contact
         rebound_table(now[3:6], now[6:9], table)
         _put(rows, n, start + t, now)
+        at[bounces] = n
         n += 1
         bounces += 1
         if bounces == MOST_BOUNCES:
             return n, bounces, _ROLLING
-    return n, bounces, _TOO_LONG
+    return n, bounces, _FULL
 
 
 @njit(cache=True)
@@ -151,7 +160,7 @@ def _rk4(state: Array, h: float, air: Array, k: Array, v: Array) -> None:
 
 @njit(cache=True)
 def roll_stepped(
-    start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array
+    start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array, at: Rows
 ) -> tuple[int, int, int]:
     """As `roll`, by the dissertation's scheme: RK4 of LIU_STEP, constant spin, and every event at the first step that is past it.
 
@@ -180,6 +189,7 @@ def roll_stepped(
                 return n, bounces, _STOP
             rebound_table(now[3:6], now[6:9], table)
             _put(rows, n, rows[n - 1, 0], now)
+            at[bounces] = n
             n += 1
             bounces += 1
             if bounces == MOST_BOUNCES:
@@ -205,28 +215,30 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
     time, duration = ball.time, LONGEST
     if stop.kind == _TIME:
         duration = check_range("stop time after the ball's", stop.value - time, 0.0, LONGEST)
-    rows = np.empty((_ROWS[method], 10))
-    n, bounced, ended = (roll if method == "exact" else roll_stepped)(
-        time,
-        ball.vector,
-        duration,
-        stop.kind,
-        stop.value,
-        physics.air.coefficients,
-        physics.table.coefficients,
-        physics.contact_height,
-        rows,
-    )
+    size, ended = _ROWS[method], _FULL
+    while ended == _FULL:
+        rows, at = np.empty((size, 10)), np.empty(MOST_BOUNCES, np.int64)
+        n, bounced, ended = (roll if method == "exact" else roll_stepped)(
+            time,
+            ball.vector,
+            duration,
+            stop.kind,
+            stop.value,
+            physics.air.coefficients,
+            physics.table.coefficients,
+            physics.contact_height,
+            rows,
+            at,
+        )
+        size *= 8  # small steps, see tt_core.flight.ease
     rows = rows[:n]
     rows.flags.writeable = False
-    return BallPath.trusted(rows, _bounces(rows) if bounced else (), _ENDED[ended])
+    bounces = tuple(_bounce(rows, i) for i in at[:bounced].tolist()) if bounced else ()
+    return BallPath.trusted(rows, bounces, _ENDED[ended])
 
 
-def _bounces(rows: Array) -> tuple[Bounce, ...]:
-    """Of rows (n, 10): each pair of one time."""
-    times = rows[:, 0]
-    return tuple(
-        Bounce(BallState.trusted(times[i], rows[i, 1:]), BallState.trusted(times[i], rows[i + 1, 1:]))
-        for i in np.flatnonzero(times[1:] == times[:-1]).tolist()
-        if rows[i, 6] < 0.0 < rows[i + 1, 6]
-    )
+def _bounce(rows: Array, i: int) -> Bounce:
+    """Between rows i - 1 and i of (n, 10)."""
+    time = float(rows[i, 0])
+    before, after = (BallState.trusted(time, row[1:4], row[4:7], row[7:]) for row in (rows[i - 1], rows[i]))
+    return Bounce(before, after)

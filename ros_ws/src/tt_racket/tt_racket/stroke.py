@@ -14,16 +14,17 @@ from numba import njit
 from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.court import meets_net, meets_surface
 from tt_core.errors import TtError
-from tt_core.flight import MAX_STEP, crossing, fly, step
+from tt_core.flight import ease, fly, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState, RacketState, ReturnGoal
 
 from .impact import racket_for, spin_after
 
 TOLERANCE = 1e-9  # m, of the landing
-COARSE_STEP = 0.1  # s, of the flights that are corrected: 1e-7 m off
-COARSE = 1e-6  # m, the miss from which it pays to know what they are off
-FINE = 1e-11  # m, the miss of the coarse flight to the place aimed off
+FINE_STEP = 0.05  # s, of the flight to which the answer is exact: 1e-9 m off
+COARSE_STEP = 0.2  # s, of the flights that are corrected: 1e-6 m off
+COARSE = 1e-3  # m, the miss from which it pays to know what they are off
+FINE = 1e-10  # m, the miss of the coarse flight to the place aimed off
 MOST_CORRECTIONS = 40
 FASTEST = 60.0  # m/s after the hit; past it the search has left the field
 SAME_INSTANT = 1e-6  # s, a contact this near the landing is the landing
@@ -79,128 +80,118 @@ def _first_inverse(v: Array, spin_y: float, spin_z: float, d: float, flight_time
     return out / flight_time
 
 
-@njit(cache=True)
-def _correct(
-    ball: Array, goal: Array, aim: Array, air: Array, tolerance: float, most: int, after: Array, inverse: Array, end: Array
-) -> tuple[bool, int]:
-    """Correct after[3:6] = v1 by Broyden's method until the coarse flight ends within tolerance of `aim`, at most so many times.
-
-    end: (9,) of the last coarse flight. inverse: (3, 3) of the Jacobian, updated. Returns whether the search stayed in the field, and the
-    corrections made.
-    """
-    miss, last, change, moved, b, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    flight_time = goal[2]
-    n = 0
-    while True:
-        if abs(after[3] - ball[3]) < 1e-6 or not abs(after[3]) + abs(after[4]) + abs(after[5]) < FASTEST:
-            return False, n
-        spin_after(ball[3:6], ball[6:9], after[3:6], goal[3], goal[4], after[6:9])
-        end[:] = fly(after, flight_time, air, COARSE_STEP)
-        for k in range(3):
-            last[k] = miss[k]
-            miss[k] = end[k] - aim[k]
-        if miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2] < tolerance * tolerance or n == most:
-            return True, n
-        if n > 0:
-            for k in range(3):
-                change[k] = miss[k] - last[k]
-            scale = 0.0
-            for i in range(3):
-                b[i] = inverse[i, 0] * change[0] + inverse[i, 1] * change[1] + inverse[i, 2] * change[2]
-                row[i] = moved[0] * inverse[0, i] + moved[1] * inverse[1, i] + moved[2] * inverse[2, i]
-                scale += moved[i] * b[i]
-            if abs(scale) > 1e-300:
-                for i in range(3):
-                    for j in range(3):
-                        inverse[i, j] += (moved[i] - b[i]) * row[j] / scale
-        for i in range(3):
-            moved[i] = -(inverse[i, 0] * miss[0] + inverse[i, 1] * miss[1] + inverse[i, 2] * miss[2])
-            after[3 + i] += moved[i]
-        n += 1
-
-
-_CLEAR, _NET, _TABLE, _SIDE, _EARLY, _SEARCH, _SPIN, _SPEED = range(8)
+_CLEAR, _NET, _TABLE, _SIDE, _EARLY, _SEARCH, _SPIN = range(7)
 
 
 @njit(cache=True)
 def _walk(after: Array, flight_time: float, air: Array, contact: float, end: Array) -> tuple[int, float]:
-    """Fly to the landing, end (9,), in steps of MAX_STEP; what the ball meets before, and by how much: m under the top of the net or beside
-    the table, s before the landing.
+    """Fly to the landing, end (9,), in steps of FINE_STEP; what the ball meets before, and by how much: m under the top of the
+    net or beside the table, s before the landing.
 
     The bounce of a ball that goes where it should is that on the opponent's half at the flight time.
     """
     work, trial, now = np.empty((8, 3)), np.empty(9), after.copy()
-    steps = math.ceil(flight_time / MAX_STEP)
-    h = flight_time / steps
+    even, left = flight_time / math.ceil(flight_time / FINE_STEP), flight_time
     met, missing = _CLEAR, 0.0
-    for i in range(steps):
+    while left > 0.0:
+        h = even * ease(now, air)
+        if h > left - 1e-12:
+            h = left
         step(now, h, air, end, work)
         if met == _CLEAR and now[0] - BALL_RADIUS < NET_X < end[0] + BALL_RADIUS:
             if meets_net(now, end, h, air, trial, work) < np.inf:
-                if trial[0] < NET_X:
-                    crossing(now, 0.0, h, 0, trial[0], air, trial, work)
                 met, missing = _NET, NET_HEIGHT + BALL_RADIUS - trial[2]
             elif now[0] < NET_X <= end[0]:
-                crossing(now, 0.0, h, 0, NET_X, air, trial, work)
-                missing = max(-trial[1], trial[1] - TABLE_WIDTH)
+                y = now[1] + (end[1] - now[1]) * (NET_X - now[0]) / (end[0] - now[0])
+                missing = max(-y, y - TABLE_WIDTH)
                 met = _SIDE if missing > 0.0 else _CLEAR
         elif met == _CLEAR and now[0] > NET_X and not 0.0 <= now[1] <= TABLE_WIDTH:
             met, missing = _SIDE, max(-now[1], now[1] - TABLE_WIDTH)
         if met == _CLEAR and (end[2] <= contact or now[5] < 0.0 < end[5]):
-            before = flight_time - i * h - meets_surface(now, end, h, contact, air, trial, work)
+            before = left - meets_surface(now, end, h, contact, air, trial, work)
             if before > SAME_INSTANT:
                 met, missing = (_TABLE if trial[0] < NET_X else _EARLY), before
+        left -= h
         now[:] = end
     return met, missing
 
 
 @njit(cache=True)
 def find(
-    ball: Array,
-    goal: Array,
+    p0: Array,
+    v0: Array,
+    w0: Array,
+    landing: Array,
+    flight_time: float,
+    spin_y: float,
+    spin_z: float,
     air: Array,
     rubber: Array,
     contact: float,
     most: int,
     exact: bool,
-    after: Array,
-    velocity: Array,
-    normal: Array,
-) -> tuple[int, float, float, int, float]:
-    """ball (9,), goal (5,): landing x, y, flight time, spin_y, spin_z. Fills the ball after the hit (9,), racket velocity and normal (3,).
+    out: Array,
+) -> tuple[int, float, float, int, float, float, float]:
+    """p0, v0, w0 (3,) of the ball, landing (2,); fills out (18,): the ball after the hit (9,), the racket's velocity, normal and position.
 
-    Returns what is in the way, by how much, residual, corrections, share.
+    Returns what is in the way, by how much, residual, corrections, share, alpha, beta.
     """
-    target, end, coarse = np.array([goal[0], goal[1], contact]), np.empty(9), np.empty(9)
-    after[:] = ball
-    d = _aim_sam(ball[:3], goal[3], goal[4], target, goal[2], air, after[3:6])
-    inverse = _first_inverse(after[3:6], goal[3], goal[4], d, goal[2], air)
-    aim, made, tolerance = target.copy(), 0, COARSE
+    target, aim, miss, moved, b, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    after, velocity, normal, end, last = out[:9], out[9:12], out[12:15], np.empty(9), np.empty(9)
+    target[0], target[1], target[2] = landing[0], landing[1], contact
+    for k in range(3):
+        after[k], aim[k] = p0[k], target[k]
+    d = _aim_sam(p0, spin_y, spin_z, target, flight_time, air, after[3:6])
+    inverse = _first_inverse(after[3:6], spin_y, spin_z, d, flight_time, air)
+    tolerance, n = COARSE, 0
     while True:
-        inside, n = _correct(ball, goal, aim, air, tolerance, most - made, after, inverse, coarse)
-        made += n
-        if not inside:
-            return _SEARCH, np.inf, np.inf, made, np.inf
-        if tolerance == COARSE and made < most:
-            end[:] = fly(after, goal[2], air)
-            tolerance = FINE
+        if abs(after[3] - v0[0]) < 1e-6 or not abs(after[3]) + abs(after[4]) + abs(after[5]) < FASTEST:
+            return _SEARCH, np.inf, np.inf, n, np.inf, 0.0, 0.0
+        spin_after(v0, w0, after[3:6], spin_y, spin_z, after[6:9])
+        last[:] = end
+        end[:] = fly(after, flight_time, air, COARSE_STEP)
+        if n > 0:  # Broyden's update of the inverse Jacobian
+            scale = 0.0
+            for i in range(3):
+                b[i], row[i] = 0.0, 0.0
+                for j in range(3):
+                    b[i] += inverse[i, j] * (end[j] - last[j])
+                    row[i] += moved[j] * inverse[j, i]
+                scale += moved[i] * b[i]
+            if abs(scale) > 1e-300:
+                for i in range(3):
+                    for j in range(3):
+                        inverse[i, j] += (moved[i] - b[i]) * row[j] / scale
+        off = math.sqrt((end[0] - aim[0]) ** 2 + (end[1] - aim[1]) ** 2 + (end[2] - aim[2]) ** 2)
+        if off < tolerance or n >= most:
+            if tolerance == COARSE and n < most:
+                fine = fly(after, flight_time, air, FINE_STEP)
+                tolerance = FINE
+            else:
+                fine = end.copy()
+                met, missing = _walk(after, flight_time, air, contact, fine)
+                residual = math.sqrt((fine[0] - target[0]) ** 2 + (fine[1] - target[1]) ** 2 + (fine[2] - target[2]) ** 2)
+                if residual < TOLERANCE or n >= most:
+                    break
             for k in range(3):
-                aim[k] = target[k] - (end[k] - coarse[k])
-            continue
-        met, missing = _walk(after, goal[2], air, contact, end)
-        residual = math.sqrt((end[0] - target[0]) ** 2 + (end[1] - target[1]) ** 2 + (end[2] - target[2]) ** 2)
-        if residual < TOLERANCE or made >= most:
-            break
+                aim[k] = target[k] - (fine[k] - end[k])
         for k in range(3):
-            aim[k] = target[k] - (end[k] - coarse[k])
+            miss[k] = end[k] - aim[k]
+        for i in range(3):
+            moved[i] = -(inverse[i, 0] * miss[0] + inverse[i, 1] * miss[1] + inverse[i, 2] * miss[2])
+            after[3 + i] += moved[i]
+        n += 1
     if exact and residual >= TOLERANCE and most == MOST_CORRECTIONS:
-        return _SEARCH, residual, residual, made, np.inf
-    share = racket_for(ball[3:6], ball[6:9], after[3:6], after[6:9], rubber, velocity, normal)
+        return _SEARCH, residual, residual, n, np.inf, 0.0, 0.0
+    share = racket_for(v0, w0, after[3:6], after[6:9], rubber, velocity, normal)
     if share > 1.0:
-        return _SPIN, share - 1.0, residual, made, share
+        return _SPIN, share - 1.0, residual, n, share, 0.0, 0.0
+    for k in range(3):
+        out[15 + k] = p0[k] - contact * normal[k]
     if not exact and met == _EARLY:
         met = _CLEAR  # it misses the goal anyway
-    return met, missing if met != _CLEAR else 0.0, residual, made, share
+    alpha = -math.asin(min(1.0, max(-1.0, normal[1])))
+    return met, missing if met != _CLEAR else 0.0, residual, n, share, alpha, math.atan2(normal[0], normal[2])
 
 
 def _why(met: int, missing: float, share: float, goal: ReturnGoal) -> str:
@@ -235,40 +226,38 @@ def solve(
     """
     if method not in ("exact", "sam"):
         raise TtError(f"method {method!r} is none of 'exact', 'sam'")
-    row = np.empty(5)
-    row[:2], row[2], row[3], row[4] = goal.landing, goal.flight_time, goal.spin_y, goal.spin_z
-    before = ball.vector
-    if not (NET_X < row[0] < TABLE_LENGTH and 0.0 < row[1] < TABLE_WIDTH):
-        beside = max(NET_X - row[0], row[0] - TABLE_LENGTH, -row[1], row[1] - TABLE_WIDTH)
+    x, y = goal.landing.tolist()
+    if not (NET_X < x < TABLE_LENGTH and 0.0 < y < TABLE_WIDTH):
+        beside = max(NET_X - x, x - TABLE_LENGTH, -y, y - TABLE_WIDTH)
         where = f"x {NET_X} to {TABLE_LENGTH}, y 0 to {TABLE_WIDTH}"
-        return Stroke(None, None, math.inf, 0, f"landing {goal.landing} is not on the opponent's half, {where}", float(beside))
-    if before[3] >= 0.0:
-        return Stroke(None, None, math.inf, 0, f"the ball does not come: v_x = {before[3]:g} m/s", float(before[3]))
-    if before[0] >= NET_X:
-        return Stroke(None, None, math.inf, 0, f"the ball is on the opponent's side: x = {before[0]:g} m", float(before[0] - NET_X))
-    after, velocity, normal = np.empty(9), np.empty(3), np.empty(3)
-    contact, exact = physics.contact_height, method == "exact"
-    met, missing, residual, made, share = find(
-        before,
-        row,
+        return Stroke(None, None, math.inf, 0, f"landing {goal.landing} is not on the opponent's half, {where}", beside)
+    if ball.velocity[0] >= 0.0:
+        return Stroke(None, None, math.inf, 0, f"the ball does not come: v_x = {ball.velocity[0]:g} m/s", float(ball.velocity[0]))
+    if ball.position[0] >= NET_X:
+        missing = float(ball.position[0] - NET_X)
+        return Stroke(None, None, math.inf, 0, f"the ball is on the opponent's side: x = {ball.position[0]:g} m", missing)
+    out, exact = np.empty(18), method == "exact"
+    met, missing, residual, made, share, alpha, beta = find(
+        ball.position,
+        ball.velocity,
+        ball.spin,
+        goal.landing,
+        goal.flight_time,
+        goal.spin_y,
+        goal.spin_z,
         physics.air.coefficients,
         physics.racket.coefficients,
-        contact,
+        physics.contact_height,
         corrections if exact else 0,
         exact,
-        after,
-        velocity,
-        normal,
+        out,
     )
     if met != _CLEAR:
         return Stroke(None, None, residual, made, _why(met, missing, share, goal), missing, share)
-    if racket_speed < math.inf:
-        speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
-        if speed > racket_speed:
-            reason = f"racket speed {speed:.2f} m/s is over {racket_speed:g} m/s"
-            return Stroke(None, None, residual, made, reason, speed - racket_speed, share)
-    after.flags.writeable = velocity.flags.writeable = False
-    position = before[:3] - contact * normal
-    position.flags.writeable = False
-    racket = RacketState.trusted(ball.time, position, velocity, normal)
-    return Stroke(racket, BallState.trusted(ball.time, after), residual, made, None, 0.0, share)
+    out.flags.writeable = False
+    velocity = out[9:12]
+    if racket_speed < math.inf and (speed := math.hypot(*velocity)) > racket_speed:
+        reason = f"racket speed {speed:.2f} m/s is over {racket_speed:g} m/s"
+        return Stroke(None, None, residual, made, reason, speed - racket_speed, share)
+    racket = RacketState.trusted(ball.time, out[15:], velocity, alpha, beta)
+    return Stroke(racket, BallState.trusted(ball.time, out[:3], out[3:6], out[6:9]), residual, made, None, 0.0, share)
