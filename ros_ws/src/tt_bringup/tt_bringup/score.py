@@ -88,33 +88,49 @@ def score(
     )
 
 
-HEADER = (
-    f"{'ball':<8} {'speed m/s':^13} {'spin rpm':^13} {'error':>6}  {'hit at x, y, z m':^19} {'off':>6}  "
-    f"{'landing x, y m':^14} {'off':>6}  {'time s':^13}  {'spin y, z rad/s':^23}  {'latency':>7}\n"
-    f"{'':<8} {'true meas.':^13} {'true meas.':^13} {'rpm':>6}  {'':^19} {'mm':>6}  {'reached':^14} {'mm':>6}  {'asked reached':^13}  "
-    f"{'asked':^11} {'reached':^11}  {'ms':>7}"
+COLUMNS = (
+    ("ball", "", 7),
+    ("speed, m/s", "true meas.", 10),
+    ("spin, rpm", "true meas.", 10),
+    ("off", "rpm", 3),
+    ("hit at x, y, z", "m", 16),
+    ("off", "mm", 4),
+    ("landing x, y", "m", 12),
+    ("off", "mm", 4),
+    ("flight time, s", "asked got", 14),
+    ("spin y, z, rad/s", "asked got", 17),
+    ("latency", "ms", 7),
 )
+HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS) for row in (0, 1))
 
 
 def line(s: Score) -> str:
     """One line under HEADER; what did not happen stays blank, and the reason stands at the end."""
 
-    def pair(a: float | None, b: float | None, digits: int) -> str:
-        return f"{'' if a is None else f'{a:.{digits}f}'} {'' if b is None else f'{b:.{digits}f}'}"
-
-    def places(v: list[float] | None, form: str) -> str:
-        return "" if v is None else ", ".join(format(x, form) for x in v)
+    def places(v: list[float] | None, form: str, between: str = " ") -> str:
+        return "" if v is None else between.join(format(x + 0.0, form) for x in v)
 
     def number(x: float | None, form: str, scale: float = 1.0) -> str:
         return "" if x is None else format(scale * x, form)
 
+    def pair(one: str, other: str) -> str:
+        return f"{one} {other}".strip()
+
     off = None if s.landing_reached is None else float(np.hypot(*np.subtract(s.landing_reached, s.landing_asked)))
     rpm = [None if v is None else float(np.linalg.norm(v)) / RPM for v in (s.spin_true, s.spin_measured)]
     reached = None if s.time_error_s is None else s.flight_time_asked + s.time_error_s
-    return (
-        f"{s.kind:<8} {pair(s.speed_true, s.speed_measured, 3):^13} {pair(rpm[0], rpm[1], 0):^13} {number(s.spin_error_rpm, '.0f'):>6}  "
-        f"{places(s.hit_place, '.2f'):^19} {number(s.hit_error_m, '.1f', 1e3):>6}  {places(s.landing_reached, '.3f'):^14} "
-        f"{number(off, '.0f', 1e3):>6}  {pair(s.flight_time_asked, reached, 3):^13}  "
-        f"{places(s.return_spin_asked, '.0f'):^11} {places(s.return_spin_reached, '.0f'):^11}  {number(s.latency_ms, '.1f'):>7}"
-        f"{'' if s.reason is None else '  ' + s.reason}"
+    cells = (
+        s.kind,
+        pair(number(s.speed_true, ".2f"), number(s.speed_measured, ".2f")),
+        pair(number(rpm[0], ".0f"), number(rpm[1], ".0f")),
+        number(s.spin_error_rpm, ".0f"),
+        places(s.hit_place, ".2f"),
+        number(s.hit_error_m, ".1f", 1e3),
+        places(s.landing_reached, ".3f"),
+        number(off, ".0f", 1e3),
+        pair(f"{s.flight_time_asked:.3f}", number(reached, ".3f")),
+        pair(places(s.return_spin_asked, ".0f", ","), places(s.return_spin_reached, ".0f", ",")),
+        number(s.latency_ms, ".0f"),
     )
+    row = "  ".join(f"{cell:^{column[2]}}" for cell, column in zip(cells, COLUMNS, strict=True))
+    return row if s.reason is None else f"{row}  {s.reason}"
