@@ -4,6 +4,7 @@ import ast
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -133,10 +134,14 @@ def python(text):
 
 
 def group_is_gone(pid):
-    try:
-        os.killpg(pid, 0)
-    except ProcessLookupError:
-        return True
+    """Within 5 s: whoever was killed stands in the process table until its new parent has seen it."""
+    end = time.monotonic() + 5.0
+    while time.monotonic() < end:
+        try:
+            os.killpg(pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.01)
     return False
 
 
