@@ -3,12 +3,9 @@
 import signal
 from contextlib import closing
 
-import pytest
 import rclpy
 import yaml
 from geometry_msgs.msg import Point
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
@@ -21,18 +18,6 @@ from tt_bringup.record_node import offered_qos
 BEST_EFFORT = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 START = 1_700_000_000_000_000_000  # ns
-
-
-@pytest.fixture
-def probe(ros):
-    context = Context()
-    rclpy.init(context=context, domain_id=ros)
-    node = rclpy.create_node("probe", context=context)
-    executor = SingleThreadedExecutor(context=context)  # the node holds it weakly
-    executor.add_node(node)
-    yield node
-    node.destroy_node()
-    context.try_shutdown()
 
 
 def contents(bag):

@@ -8,10 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-import rclpy
 from geometry_msgs.msg import Point
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool
 
 LAUNCH = """
@@ -25,18 +22,6 @@ launch:
       param:
         - {name: output, value: $(var output), type: str}
 """
-
-
-@pytest.fixture
-def probe(ros):
-    context = Context()
-    rclpy.init(context=context, domain_id=ros)
-    node = rclpy.create_node("probe", context=context)
-    executor = SingleThreadedExecutor(context=context)  # the node holds it weakly
-    executor.add_node(node)
-    yield node
-    node.destroy_node()
-    context.try_shutdown()
 
 
 @pytest.fixture

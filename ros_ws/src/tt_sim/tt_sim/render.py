@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+from scipy.spatial.transform import Rotation
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.states import Array, BallState
@@ -191,7 +192,8 @@ def render(
         sources = np.array([(*lamp.position, lamp.strength * _ripple(lamp, ball.time)) for lamp in lamps.lamps]).reshape(-1, 4)
         vector = camera.vector
         state = np.concatenate([ball.position, ball.velocity])
-        turns = np.array([_exp(ball.spin * exposure * ((i + 0.5) / SAMPLES - 0.5)) @ turn for i in range(SAMPLES)])
+        instants = exposure * ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5)
+        turns = Rotation.from_rotvec(np.outer(instants, ball.spin)).as_matrix() @ turn
         shifts = rng.random((box[3] - box[2], box[1] - box[0], 3), dtype=np.float32)
         _trace(clear, box, vector, state, turns, texture.albedo, texture.gloss, sources, lamps.ambient, exposure, shifts)
         if noise.lens_blur > 0.0:
@@ -204,16 +206,6 @@ def render(
 
 def _ripple(lamp: Lamp, time: float) -> float:
     return 1.0 + lamp.flicker * math.sin(2.0 * math.pi * lamp.ripple * time)
-
-
-def _exp(v: Array) -> Array:
-    """Rotation by the vector v, rad (Rodrigues)."""
-    angle = float(np.linalg.norm(v))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = v / angle
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * (k @ k)
 
 
 def _kernel(sigma: float) -> npt.NDArray[np.float32]:
