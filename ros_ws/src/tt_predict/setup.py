@@ -11,5 +11,5 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["predict_node = tt_predict.predict_node:main"]},
+    entry_points={"console_scripts": ["predict_node = tt_predict.predict_node:main", "identify = tt_predict.identify:main"]},
 )

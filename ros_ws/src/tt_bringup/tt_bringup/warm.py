@@ -8,6 +8,7 @@ from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
 from tt_core.physics import Physics
 from tt_core.states import BallState
+from tt_predict.identify import Predictor
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.goal import GoalParams, answer
 from tt_racket.intercept import InterceptParams, intercept
@@ -28,6 +29,7 @@ def main() -> None:
     seen = measure(left, right, np.array([frame.time for frame in frames]), cameras).ball or ball
     path = rollout(seen, physics, StopRule.at_x(-0.4))
     rollout(seen, physics, StopRule.at_x(-0.4), method="liu")
+    Predictor(physics).positions(seen.vector, path.times)
     intercept(path, answer(seen.spin, GoalParams()), physics, InterceptParams())
     racket = RacketMotion(np.array([-0.2, 0.7, 0.2]), np.eye(3), np.zeros(3))
     world = World(physics)

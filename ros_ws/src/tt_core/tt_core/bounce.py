@@ -17,6 +17,8 @@ from .constants import BALL_RADIUS
 from .errors import OutOfRange, check_array, check_range
 from .states import Array, RacketState
 
+TABLE_RANGES = {"restitution": (0.0, 1.0), "friction": (0.0, 2.0), "grip": (0.0, 2.0)}
+
 
 @dataclass(frozen=True)
 class TableRebound:
@@ -31,9 +33,8 @@ class TableRebound:
     grip: float = 1.0
 
     def __post_init__(self) -> None:
-        check_range("restitution", self.restitution, 0.0, 1.0)
-        check_range("friction", self.friction, 0.0, 2.0)
-        check_range("grip", self.grip, 0.0, 2.0)
+        for name, (low, high) in TABLE_RANGES.items():
+            check_range(name, getattr(self, name), low, high)
 
     @classmethod
     def liu(cls) -> TableRebound:

@@ -25,6 +25,17 @@ LEAST_EASE = 0.01  # of a step
 DRAG_UNIT = AIR_DENSITY / BALL_MASS * 0.5 * math.pi * BALL_RADIUS**2  # 1/m for C_D = 1, (3.1)
 LIFT_UNIT = AIR_DENSITY / BALL_MASS * 4.0 / 3.0 * math.pi * BALL_RADIUS**3  # dimensionless for C_M = 1, (3.1)
 
+AIR_RANGES = {
+    "drag": (0.0, 2.0),
+    "drag_h": (-1.0, 1.0),
+    "lift": (-1.0, 1.0),
+    "lift_h": (-1.0, 1.0),
+    "lift_ratio": (-1.0, 1.0),
+    "ratio_offset": (0.01, 10.0),
+    "spin_decay": (0.0, 10.0),
+    "gravity": (0.0, 30.0),
+}
+
 
 @dataclass(frozen=True)
 class Aerodynamics:
@@ -44,16 +55,7 @@ class Aerodynamics:
     gravity: float = GRAVITY  # m/s^2
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("drag", 0.0, 2.0),
-            ("drag_h", -1.0, 1.0),
-            ("lift", -1.0, 1.0),
-            ("lift_h", -1.0, 1.0),
-            ("lift_ratio", -1.0, 1.0),
-            ("ratio_offset", 0.01, 10.0),
-            ("spin_decay", 0.0, 10.0),
-            ("gravity", 0.0, 30.0),
-        ):
+        for name, (low, high) in AIR_RANGES.items():
             check_range(name, getattr(self, name), low, high)
 
     @classmethod

@@ -1,0 +1,45 @@
+"""Where a recorded ball met the table."""
+
+from __future__ import annotations
+
+import numpy as np
+from tt_core.constants import BALL_RADIUS
+from tt_core.states import Array
+
+from .recordings import Flight
+
+NEAR_TABLE = 0.1  # m, height of the lowest point of an arc that ends on the table
+BEYOND = 0.03  # s after the last point in which a landing is extrapolated
+
+
+def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float, Array] | None:
+    """(time s, (2,) place m) of the recorded bounce, or None.
+
+    It is where the arcs before and after the lowest point meet, or, without an arc after it, where the one before it comes to the contact
+    height at most BEYOND later. Arcs are parabolas through 10 and 8 points.
+    """
+    z = flight.positions
+    low = [i for i in range(3, len(z)) if z[i, 2] < NEAR_TABLE and z[i, 2] == z[i - 3 : i + 4, 2].min()]
+    if not low:
+        return None
+    lowest = low[0]
+    t = flight.times - flight.times[lowest]
+    after = slice(lowest + 1, lowest + 9)
+    bounced = len(t[after]) >= 6
+    before = slice(max(0, lowest - 10), lowest if bounced else lowest + 1)
+    if len(t[before]) < 6:
+        return None
+    arc = np.polynomial.polynomial.polyfit(t[before], z[before], 2)
+    other = np.polynomial.polynomial.polyfit(t[after], z[after, 2], 2) if bounced else np.array([contact_height, 0.0, 0.0])
+    roots = np.roots((arc[:, 2] - other)[::-1])
+    at = float(min(roots.real, key=abs))
+    if np.abs(roots.imag).max() > 0.0 or not -0.02 < at < (0.02 if bounced else BEYOND):
+        return None
+    return float(flight.times[lowest] + at), np.array([np.polynomial.polynomial.polyval(at, arc[:, k]) for k in range(2)])
+
+
+def up_to_landing(flight: Flight) -> Flight:
+    """The points before the recorded bounce, all without one."""
+    bounce = landing(flight)
+    n = int(np.searchsorted(flight.times, bounce[0])) if bounce else len(flight.times)
+    return Flight(flight.group, flight.times[:n], flight.positions[:n], flight.spin)

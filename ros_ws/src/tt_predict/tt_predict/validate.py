@@ -1,0 +1,58 @@
+"""How well models predict the landings of recorded launches.
+
+Of each group every second launch, from the first, is fitted, the others are predicted. The start of these is fitted by each model to the
+points of the first SEEN seconds; spin, where it was not measured, is the one that the model found for the group on the fitted half; the
+landing is where rollout meets the table. The identified model is liu's with C_D fitted for each group, as the source fits each kind of
+spin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from tt_core.flight import Aerodynamics
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+
+from .identify import Predictor, identify
+from .landings import landing
+from .recordings import Flight
+from .rollout import StopRule, rollout
+
+SEEN = 0.2  # s of a launch from which its landing is predicted
+FEWEST_SEEN = 10  # points to start from
+
+MODELS = {
+    "gravity only": Physics(air=Aerodynamics.gravity_only()),
+    "liu as printed": Physics.liu(),
+    "measured as printed": Physics.measured(),
+    "identified": Physics.liu(),
+}
+
+
+def landing_error(flight: Flight, physics: Physics, spin: Array, seen: float = SEEN) -> tuple[float, float] | None:
+    """(m, s): how far the landing predicted from the points of the first `seen` s is from the recorded one; None without a recorded one."""
+    true = landing(flight)
+    points = int(np.searchsorted(flight.times - flight.times[0], seen))
+    if true is None or points < FEWEST_SEEN or flight.times[points - 1] > true[0]:
+        return None
+    state = Predictor(physics).start(flight, spin, points)
+    path = rollout(BallState.from_vector(flight.times[0], state), physics, StopRule.at_landing())
+    return float(np.linalg.norm(path.end.position[:2] - true[1])), abs(float(path.end.time - true[0]))
+
+
+def validate(flights: Sequence[Flight]) -> dict[tuple[str, str], Array]:
+    """(k, 2) m and s of the landings of the half that was not fitted, by group and name of the model; protocol above."""
+    errors = {}
+    for group in sorted({flight.group for flight in flights}):
+        half = [flight for flight in flights if flight.group == group]
+        for name, physics in MODELS.items():
+            names = ["air.drag"] if name == "identified" else []
+            spin_matters = name != "gravity only"
+            found = identify(half[::2], physics, names) if spin_matters else None
+            spins = [found.spin(flight) if found else np.zeros(3) for flight in half[1::2]]
+            used = found.physics if found else physics
+            pairs = (landing_error(flight, used, spin) for flight, spin in zip(half[1::2], spins, strict=True))
+            errors[group, name] = np.array([pair for pair in pairs if pair]).reshape(-1, 2)
+    return errors
