@@ -32,6 +32,9 @@ def run(make: Callable[[], Node]) -> None:
         raise SystemExit(2) from error
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RuntimeError:  # from rclpy, when the signal came while the node was made
+        if rclpy.ok():
+            raise
     finally:
         if node is not None and hasattr(node, "close"):
             node.close()
