@@ -21,11 +21,11 @@ from tt_vision.measure import Measurement, measure
 from tt_vision.rig import high_speed_pair
 
 from .footage import footage
+from .hardware import Hardware
 from .launcher import KINDS, LauncherParams, launch
 from .outcome import Outcome
 from .plant import Plant, PlantParams
 from .render import Scene, Texture
-from .world import World
 
 UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, simulated, after which a ball is given up
@@ -99,7 +99,6 @@ def play(scenario: Scenario, seed: int) -> Episode:
     """The whole rally of one ball. Raises TtError for a scenario that cannot be played."""
     rng = np.random.default_rng(seed)
     ball, orientation = launch(scenario.kind, scenario.scale, scenario.launcher, rng)
-    outcome = Outcome(ball)
     goal, path, candidates, choice, strokes_due = None, None, None, None, np.inf
     measurement = _see(scenario, ball, orientation, rng, seed)
     if measurement is not None and measurement.ball is not None:
@@ -109,23 +108,21 @@ def play(scenario: Scenario, seed: int) -> Episode:
         strokes_due = measurement.ball.time + scenario.latency
 
     model = ArmModel.pa10()
-    plant, control, world = Plant(model, scenario.plant), ArmControl(model), World(scenario.truth)
-    joints = Joints(-scenario.tick, model.waiting, np.zeros(7))
+    control = ArmControl(model)
     control.enable(True)
-    world.ball = ball
-    command, record, racket = np.zeros(7), [], plant.racket(joints)
-    for n in range(round(LONGEST / scenario.tick)):
-        now = n * scenario.tick
-        joints = plant.advance(joints, command, scenario.tick)
-        before, racket = racket, plant.racket(joints)
-        record.append([now, *joints.q, *joints.qdot])
-        outcome.contacts += world.advance(now, before, racket, scenario.tick)
-        if outcome.over(world.ball, now):
+    hardware = Hardware(scenario.truth, Plant(model, scenario.plant), Joints(-scenario.tick, model.waiting, np.zeros(7)), scenario.tick)
+    hardware.launch(ball)
+    command, record = np.zeros(7), []
+    while hardware.joints.time < LONGEST:
+        tick = hardware.advance(command)
+        now = tick.joints.time
+        record.append([now, *tick.joints.q, *tick.joints.qdot])
+        if tick.over:
             break
-        command = control.step(plant.measured(Joints(now, joints.q, joints.qdot), rng)).command
+        command = control.step(hardware.plant.measured(tick.joints, rng)).command
         if candidates is not None and now >= strokes_due:
             choice, strokes_due = control.take([s.racket for s in candidates.strokes if s.racket]), np.inf
-    return Episode(outcome, goal, measurement, path, candidates, choice, np.array(record))
+    return Episode(hardware.outcome or Outcome(ball), goal, measurement, path, candidates, choice, np.array(record))
 
 
 def landing_error(episode: Episode) -> float | None:

@@ -70,3 +70,12 @@ def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generat
     tilt = Rotation.from_rotvec(rng.normal(0.0, params.axis_scatter, 3))
     place = np.array([params.x, params.y, params.z]) + rng.normal(0.0, params.place_scatter, 3)
     return BallState(0.0, place, velocity, tilt.apply(spin * np.array(_AXES[kind]))), Rotation.random(rng=rng).as_matrix()
+
+
+def shot(text: str) -> tuple[str, int]:
+    """("top", 3) from "top 3". Raises TtError for other words, and what `launch` raises for a kind or scale that there is not."""
+    kind, _, scale = text.partition(" ")
+    if not scale.isdigit():
+        raise TtError(f"shot {text!r} is not a kind and a scale, as in 'top 3'")
+    launch(kind, int(scale), LauncherParams(), np.random.default_rng(0))
+    return kind, int(scale)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
+from typing import Any
 
 from tt_core.constants import NET_X
 from tt_core.states import BallState
@@ -43,6 +45,18 @@ class Outcome:
         if self.landing.surface == "table":
             return "returned" if self.landing.before.position[0] > NET_X else "own half"
         return {"net": "net", "racket": "second hit"}.get(self.landing.surface, "off the table")
+
+    def told(self) -> dict[str, Any]:
+        """All of it as text, balls as JSON lists [time, position, velocity, spin], null for what did not happen."""
+        hit, landing = self.hit, self.landing
+        states = {
+            "launched": self.launched,
+            "hit": hit.before if hit else None,
+            "after_hit": hit.after if hit else None,
+            "landing": landing.before if landing else None,
+        }
+        rows = {name: json.dumps([ball.time, *ball.vector.tolist()] if ball else None) for name, ball in states.items()}
+        return {"result": self.result, **rows, "offset": json.dumps(hit.offset if hit else None)}
 
     def over(self, ball: BallState | None, time: float) -> bool:
         """Whether nothing more of interest happens to the ball, which is None when it is gone."""

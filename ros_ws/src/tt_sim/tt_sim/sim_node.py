@@ -6,7 +6,6 @@ keeps the deadlines of frames and ticks, because timers of rclpy drift.
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections import deque
@@ -21,21 +20,20 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
-from tt_core.errors import TtError, check_range
+from tt_core.errors import check_range
 from tt_core.ros.convert import ball_to_message, camera_to_message, image_to_message, joints_to_message, racket_to_message, stamp
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_vision.rig import FRAME_RATE, high_speed_pair
 
 from .footage import footage
-from .launcher import LauncherParams, launch
-from .outcome import Outcome
+from .hardware import Hardware, Tick
+from .launcher import LauncherParams, launch, shot
 from .plant import Plant, PlantParams
 from .render import Scene, Texture
-from .world import RacketMotion, World
 
 CAMERAS = ("left", "right")
 STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
@@ -64,7 +62,7 @@ class Flight:
     """One launch, rendered: times are seconds after the launch."""
 
     number: int
-    label: str
+    shot: str
     ball: BallState
     frames: deque[tuple[float, list[Image]]]
 
@@ -74,22 +72,16 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("sim")
-        self.params = declare(self, SimParams)
-        self.physics = declare_physics(self)
+        self.params, self.physics = declare(self, SimParams), declare_physics(self)
         self.launcher = declare(self, LauncherParams, "launcher.")
-        self.order = [_shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
+        self.shots = [shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
         self.rng = np.random.default_rng(self.params.seed)
-        self.scene = Scene(texture=Texture.drawn(self.params.seed))
-        self.cameras = high_speed_pair()
+        self.scene, self.cameras = Scene(texture=Texture.drawn(self.params.seed)), high_speed_pair()
         self.arm = ArmModel.pa10()
         self.plant = Plant(self.arm, declare(self, PlantParams, "plant."))
-        self.world = World(self.physics)
-        self.command: Array = np.zeros(len(self.arm.names))
-        self.commanded = 0.0  # s, monotonic, when it came
-        self.launched = 0
-        self.rendering = threading.Event()  # set while a launch waits for its images or its ball flies
+        self.command, self.commanded = np.zeros(len(self.arm.names)), 0.0  # rad/s; s, monotonic, when it came
+        self.launched, self.busy = 0, threading.Event()  # set while a launch waits for its images or its ball flies
         self.ready: Flight | None = None
-        self.outcome: Outcome | None = None
 
         self.status = Status(self)
         self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in CAMERAS]
@@ -115,11 +107,11 @@ class SimNode(Node):
             self.status.tell(f"command refused: {len(message.data)} numbers, {len(self.command)} finite ones wanted", warn=True)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.rendering.is_set():
+        if self.busy.is_set():
             response.message = "the last ball is not over yet"
             return response
-        self.rendering.set()
-        kind, scale = self.order[self.launched % len(self.order)]
+        self.busy.set()
+        kind, scale = self.shots[self.launched % len(self.shots)]
         self.launched += 1
         response.success, response.message = True, f"{kind} {scale}"
         threading.Thread(target=self.render, args=(self.launched, kind, scale), daemon=True).start()
@@ -143,96 +135,57 @@ class SimNode(Node):
 
     def keep_time(self) -> None:
         """Ticks at whole multiples, frames at their stamps, on a clock that runs `rtf` times the real one."""
-        start, real_start = time.time(), time.monotonic()
-        joints = Joints(start, self.arm.waiting, np.zeros(len(self.arm.names)))
-        racket = self.plant.racket(joints)
-        noise = np.random.default_rng(self.params.seed + 1)  # of the encoders; the other generator is the launches'
-        now, launch_time = start, 0.0
-        dark_due = start if self.params.always_on else np.inf
-        flight: Flight | None = None
+        start, real_start, params = time.time(), time.monotonic(), self.params
+        hardware = Hardware(self.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick)
+        noise = np.random.default_rng(params.seed + 1)  # of the encoders; the other generator is the launches'
         dark = [
             image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
             for c, n in zip(self.cameras, CAMERAS, strict=True)
         ]
-        clock_due = start
+        flight, launch_time = None, 0.0
+        clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
-            tick_due = now + self.params.tick
+            tick_due = hardware.joints.time + params.tick
             frame_due = launch_time + flight.frames[0][0] if flight and flight.frames else dark_due
-            due = min(tick_due, frame_due)
-            wait = (due - start) / self.params.rtf - (time.monotonic() - real_start)
-            if wait > 0.0:
-                time.sleep(wait)
+            time.sleep(max(0.0, (min(tick_due, frame_due) - start) / params.rtf - (time.monotonic() - real_start)))
             if frame_due <= tick_due:
-                images = flight.frames.popleft()[1] if flight and flight.frames else dark
-                for publisher, image in zip(self.images, images, strict=True):
-                    image.header.stamp = stamp(frame_due)
-                    publisher.publish(image)
-                if self.params.always_on:
-                    dark_due = frame_due + 1.0 / FRAME_RATE
+                self.publish_images(frame_due, flight.frames.popleft()[1] if flight and flight.frames else dark)
+                dark_due = frame_due + 1.0 / FRAME_RATE if params.always_on else np.inf
                 continue
-            now = tick_due
-            if now >= clock_due:
-                self.clock.publish(Clock(clock=stamp(now)))
-                clock_due = now + 1.0 / self.params.clock_rate
-            if time.monotonic() - self.commanded > STALE / self.params.rtf:
-                self.command = np.zeros_like(self.command)
-            joints = self.plant.advance(joints, self.command, self.params.tick)
-            before, racket = racket, self.plant.racket(joints)
-            measured = self.plant.measured(joints, noise)
-            self.joints.publish(joints_to_message(self.arm.names, now, measured.q, measured.qdot))
+            if tick_due >= clock_due:
+                self.clock.publish(Clock(clock=stamp(tick_due)))
+                clock_due = tick_due + 1.0 / params.clock_rate
             if flight is None and self.ready is not None:
                 flight, self.ready = self.ready, None
-                launch_time = now + self.params.lead
-                self.outcome = Outcome(BallState.from_vector(launch_time, flight.ball.vector))
-            if flight is not None and self.outcome is not None and now >= launch_time:
-                self.fly(now, before, racket)
-                if self.outcome.over(self.world.ball, now):
-                    self.tell(flight, self.outcome)
-                    self.world.ball, self.outcome, flight = None, None, None
-                    self.rendering.clear()
+                launch_time = tick_due + params.lead
+                ball = BallState.from_vector(launch_time, flight.ball.vector)
+                hardware.launch(ball)
+                self.true_ball.publish(ball_to_message(ball))
+            if time.monotonic() - self.commanded > STALE / params.rtf:
+                self.command = np.zeros_like(self.command)
+            tick = hardware.advance(self.command)
+            measured = self.plant.measured(tick.joints, noise)
+            self.joints.publish(joints_to_message(self.arm.names, measured.time, measured.q, measured.qdot))
+            self.publish_truth(tick)
+            if tick.over and flight and hardware.outcome:
+                self.status.tell("ball over", number=flight.number, shot=flight.shot, **hardware.outcome.told())
+                flight = None
+                self.busy.clear()
 
-    def fly(self, now: float, before: RacketMotion, racket: RacketMotion) -> None:
-        """One tick of the ball; a contact is told as two states of one time."""
-        assert self.outcome is not None
-        if self.world.ball is None and not self.outcome.contacts:
-            self.world.ball = self.outcome.launched
-            self.true_ball.publish(ball_to_message(self.outcome.launched))
-        for contact in self.world.advance(now, before, racket, self.params.tick):
-            self.outcome.contacts.append(contact)
+    def publish_images(self, time: float, images: list[Image]) -> None:
+        for publisher, image in zip(self.images, images, strict=True):
+            image.header.stamp = stamp(time)
+            publisher.publish(image)
+
+    def publish_truth(self, tick: Tick) -> None:
+        """While a ball flies; a contact is told as two states of one time."""
+        for contact in tick.contacts:
             self.true_ball.publish(ball_to_message(contact.before))
             self.true_ball.publish(ball_to_message(contact.after))
-        if self.world.ball is not None:
-            self.true_ball.publish(ball_to_message(self.world.ball))
-        self.true_racket.publish(racket_to_message(now, racket.position, racket.rotation, racket.velocity))
-
-    def tell(self, flight: Flight, outcome: Outcome) -> None:
-        """The truth about a ball that is over, for whoever evaluates."""
-        hit, landing, launched = outcome.hit, outcome.landing, outcome.launched
-        self.status.tell(
-            "ball over",
-            number=flight.number,
-            shot=flight.label,
-            result=outcome.result,
-            launched=_json(launched),
-            hit=_json(hit.before) if hit else "null",
-            after_hit=_json(hit.after) if hit else "null",
-            offset=hit.offset if hit else "null",
-            landing=_json(landing.before) if landing else "null",
-        )
-
-
-def _json(ball: BallState) -> str:
-    """[time, position, velocity, spin] flat."""
-    return json.dumps([ball.time, *ball.vector.tolist()])
-
-
-def _shot(text: str) -> tuple[str, int]:
-    """ "top 3" -> ("top", 3); raises TtError for other words, and launch() for kinds and scales it does not have."""
-    kind, _, scale = text.partition(" ")
-    if not scale.isdigit():
-        raise TtError(f"shot {text!r} is not a kind and a scale, as in 'top 3'")
-    launch(kind, int(scale), LauncherParams(), np.random.default_rng(0))
-    return kind, int(scale)
+        if tick.ball is not None:
+            racket = tick.racket
+            self.true_ball.publish(ball_to_message(tick.ball))
+            self.true_racket.publish(racket_to_message(tick.joints.time, racket.position, racket.rotation, racket.velocity))
 
 
 def main() -> None:
