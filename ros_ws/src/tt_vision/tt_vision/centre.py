@@ -159,7 +159,10 @@ def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, b
             continue
         for i in range(count + deep):
             s = outer - step * i
-            profile[i] = bilinear(image, u + s * du, v + s * dv) - background
+            profile[i] = bilinear(image, u + s * du, v + s * dv)
+        behind = 0.25 * (profile[0] + profile[1] + profile[2] + profile[3])  # the background here, which may be unlike that elsewhere
+        for i in range(count + deep):
+            profile[i] -= behind
         first = 1
         while first < count and profile[first] < 0.5 * CONTRAST * (peak - background) / 0.25:
             first += 1

@@ -13,7 +13,7 @@ from tt_core.flight import Aerodynamics
 from tt_core.states import Array, BallState
 
 from .camera import Camera
-from .centre import find_ball
+from .centre import Image, Spot, find_ball
 from .motion import Motion, fit_motion
 from .registration import prepare
 from .spin import SpinEstimate, check_frames, check_times, estimate_spin
@@ -69,21 +69,31 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     frames = [[images[k] for k in good] for images in (left, right)]
     spots = [[row[k] for k in good] for row in spots]
     times = times[good]
-    try:
-        motion = fit_motion(frames, spots, times, cameras)
-    except TtError as error:
-        return Measurement(None, f"no ball: {error}", len(good), left_out)
-    reason = _doubt(motion)
-    if reason:
-        return Measurement(None, reason, len(good), left_out, motion)
-    spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
-    if spin.reason:
-        return Measurement(None, spin.reason, len(good), left_out, motion, spin)
+    motion, spin, reason = _fit(frames, spots, times, cameras)
+    if motion is None or spin is None or reason:
+        if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1])[2] is None:
+            reason = "the cameras are swapped"
+        return Measurement(None, reason, len(good), left_out, motion, spin)
     motion = motion.bent(air.acceleration(motion.velocity, spin.spin), times)
     covariance = np.zeros((9, 9))
     covariance[:6, :6], covariance[6:, 6:] = motion.covariance, spin.covariance
     ball = BallState(motion.time, motion.position, motion.velocity, spin.spin, covariance)
     return Measurement(ball, None, len(good), left_out, motion, spin)
+
+
+def _fit(
+    frames: Sequence[Sequence[Image]], spots: Sequence[Sequence[Spot]], times: Array, cameras: Sequence[Camera]
+) -> tuple[Motion | None, SpinEstimate | None, str | None]:
+    """Motion and spin, as far as they came, and the reason why they are not to be believed."""
+    try:
+        motion = fit_motion(frames, spots, times, cameras)
+    except TtError as error:
+        return None, None, f"no ball: {error}"
+    reason = _doubt(motion)
+    if reason:
+        return motion, None, reason
+    spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
+    return motion, spin, spin.reason
 
 
 def _doubt(motion: Motion) -> str | None:

@@ -18,6 +18,7 @@ from .centre import Image, Spot, outline
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
 LEAST_POINTS = 16  # in an image: a quarter of the outline
 SHADED = 25e-6  # m, standard deviation of what all frames share: light that makes one side of the outline brighter
+FAR = 3.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
 
 
@@ -81,6 +82,8 @@ def fit_motion(
             covariance, residual, offsets = _fit(points, vectors, tau, gravity, state)
         except np.linalg.LinAlgError:
             raise TtError("the outlines are of no ball that both cameras see") from None
+        if np.abs(offsets).max() > FAR:
+            raise TtError(f"the cameras do not see the same ball: {np.abs(offsets).max():.1f} pixels apart at first sight")
     last = float(tau[-1])
     move = np.eye(6)
     move[:3, 3:] = last * np.eye(3)

@@ -24,16 +24,21 @@ WIDEST = 1.15  # rad between two frames that the search covers: 9,900 rpm at 900
 STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 8,700 of them; a mark is 0.4 rad wide
 KEPT = 5  # candidates that are refined; the right one was first in each of 160 bursts at 9,000 rpm
 APART = 0.2  # rad between kept candidates
-COARSE_POINTS, FINE_POINTS = 500, 2500  # points on the sphere in the refinements
-SETTLED = 0.3  # rad/s, last step of the refinement
+COARSE_POINTS = 500  # on the sphere, in the refinement of candidates
+FINE_POINTS = 2500  # on the sphere, in the last refinement
+STEPS = 12  # of a refinement at most; few marks seen aslant take 8
+NEAR, SETTLED = 6.0, 0.3  # rad/s, last step of the blurred and of the sharp refinement
 LEAST_OVERLAP = 0.1  # of what one frame shows that the next one shows too
-GATE = 0.10  # residual above which a registration is not believed: right ones reach 0.03, wrong ones start at 0.2
+GATE = 0.10  # residual above which a registration is not believed: right ones reach 0.03, wrong ones start at 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """spin: (3,) rad/s. information: (3, 3) of the last least squares. residual: 0 for marks that agree, 1 for unrelated ones.
-    candidates: how many rotations were tried."""
+    """spin: (3,) rad/s. information: (3, 3) of the last least squares. candidates: how many rotations were tried.
+
+    residual: 0 for marks that agree, 1 for unrelated ones, the larger of neighbouring frames and of all images: cameras that see different
+    balls agree each with itself.
+    """
 
     spin: Array
     information: Array
@@ -82,16 +87,17 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
             spin = spin - _step(h, g, 0.1 / gap)
         trials.append((cost, spin))
     spin = min(trials, key=lambda trial: trial[0])[1]
-    for i in range(6):
-        h, g, error, _ = compare_all(spin, fine, s.soft if i == 0 else s.marks, *where, s.times)
-        change = _step(h, g, 0.05 / gap)
-        spin = spin - change
-        if i > 0 and np.linalg.norm(change) < SETTLED:
-            break
-    before = firsts(fine, pairs, s.marks, *where)
-    cost, weight, _, _ = compare_pairs(spin, fine, before, pairs, s.marks, *where, s.times, 0.0)
-    enough = weight > LEAST_OVERLAP * float((before[..., 1] ** 2).sum())
-    residual = cost / (2.0 * s.contrast * weight) if enough else 1.0
+    for at, marks, enough in ((points, s.soft, NEAR), (fine, s.marks, SETTLED)):
+        for _ in range(STEPS):
+            h, g, error, _ = compare_all(spin, at, marks, *where, s.times)
+            change = _step(h, g, 0.05 / gap)
+            spin = spin - change
+            if np.linalg.norm(change) < enough:
+                break
+    before = firsts(points, pairs, s.marks, *where)
+    cost, weight, _, _ = compare_pairs(spin, points, before, pairs, s.marks, *where, s.times, 0.0)
+    seen = weight > LEAST_OVERLAP * float((before[..., 1] ** 2).sum())
+    residual = max(cost / (2.0 * weight), error) / s.contrast if seen else 1.0
     return Registration(spin, h / max(error, 1e-12), residual, len(rotations))
 
 
