@@ -14,8 +14,9 @@ from tt_core.states import Array, BallState
 
 from .camera import Camera
 from .centre import Image, Spot, find_ball
+from .light import Lamps
 from .motion import Motion, fit_motion
-from .registration import prepare
+from .registration import DEFAULT, SearchParams, prepare
 from .spin import SpinEstimate, check_frames, check_times, estimate_spin
 
 LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
@@ -46,9 +47,20 @@ class Measurement:
         return 1.0 if self.spin is None else self.spin.residual
 
 
-def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence[Camera], *, air: Aerodynamics = AIR) -> Measurement:
+def measure(
+    left: np.ndarray,
+    right: np.ndarray,
+    times: Array,
+    cameras: Sequence[Camera],
+    *,
+    air: Aerodynamics = AIR,
+    lamps: Lamps | None = None,
+    search: SearchParams = DEFAULT,
+    spots: Sequence[Sequence[Spot]] | None = None,
+) -> Measurement:
     """left, right: (k, h, w) uint8 or uint16, taken at `times` (k,) s, rising, middle of the exposure. cameras: (left, right).
-    air: bends the flight between the frames, by 0.02 m/s.
+    air: bends the flight between the frames, by 0.02 m/s. lamps: when calibrated; otherwise light is fitted to the burst.
+    search: how much is spent on the spin. spots: [camera][frame], when each frame was looked at as it came.
 
     Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
     """
@@ -59,7 +71,7 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     for camera, images in zip(cameras, (left, right), strict=True):
         if np.shape(images)[1:] != (camera.height, camera.width):
             raise BadShape("images", np.shape(images), f"(k, {camera.height}, {camera.width})")
-    spots = [[find_ball(image) for image in images] for images in (left, right)]
+    spots = spots if spots is not None else [[find_ball(image) for image in images] for images in (left, right)]
     reasons = [a.reason or b.reason for a, b in zip(*spots, strict=True)]
     left_out = dict(Counter(reason for reason in reasons if reason))
     good = [k for k, reason in enumerate(reasons) if reason is None][-MOST_FRAMES:]
@@ -69,9 +81,9 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
     frames = [[images[k] for k in good] for images in (left, right)]
     spots = [[row[k] for k in good] for row in spots]
     times = times[good]
-    motion, spin, reason = _fit(frames, spots, times, cameras)
+    motion, spin, reason = _fit(frames, spots, times, cameras, lamps, search)
     if motion is None or spin is None or reason:
-        if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1])[2] is None:
+        if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1], lamps, search)[2] is None:
             reason = "the cameras are swapped"
         return Measurement(None, reason, len(good), left_out, motion, spin)
     motion = motion.bent(air.acceleration(motion.velocity, spin.spin), times)
@@ -82,7 +94,12 @@ def measure(left: np.ndarray, right: np.ndarray, times: Array, cameras: Sequence
 
 
 def _fit(
-    frames: Sequence[Sequence[Image]], spots: Sequence[Sequence[Spot]], times: Array, cameras: Sequence[Camera]
+    frames: Sequence[Sequence[Image]],
+    spots: Sequence[Sequence[Spot]],
+    times: Array,
+    cameras: Sequence[Camera],
+    lamps: Lamps | None,
+    search: SearchParams,
 ) -> tuple[Motion | None, SpinEstimate | None, str | None]:
     """Motion and spin, as far as they came, and the reason why they are not to be believed."""
     try:
@@ -92,7 +109,7 @@ def _fit(
     reason = _doubt(motion)
     if reason:
         return motion, None, reason
-    spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots)
+    spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots, lamps=lamps, search=search)
     return motion, spin, spin.reason
 
 

@@ -14,22 +14,45 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from tt_core.constants import BALL_RADIUS
+from tt_core.errors import check_range
 from tt_core.states import Array
 
 from .camera import distort
-from .surface import LIMB, Surface
+from .light import LIMB
+from .surface import Surface
 
 CELLS = 900  # of the coarse maps, 0.12 rad apart
 WIDEST = 1.15  # rad between two frames that the search covers: 9,900 rpm at 900 frames a second
 STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 8,700 of them; a mark is 0.4 rad wide
-KEPT = 5  # candidates that are refined; the right one was first in each of 160 bursts at 9,000 rpm
 APART = 0.2  # rad between kept candidates
-COARSE_POINTS = 500  # on the sphere, in the refinement of candidates
-FINE_POINTS = 2500  # on the sphere, in the last refinement
 STEPS = 12  # of a refinement at most; few marks seen aslant take 8
 NEAR, SETTLED = 6.0, 0.3  # rad/s, last step of the blurred and of the sharp refinement
 LEAST_OVERLAP = 0.1  # of what one frame shows that the next one shows too
 GATE = 0.10  # residual above which a registration is not believed: right ones reach 0.03, wrong ones start at 0.25
+
+
+@dataclass(frozen=True)
+class SearchParams:
+    """How much is spent on the spin."""
+
+    pairs: int = 9  # of neighbouring frames, at most, on which the coarse search is scored
+    kept: int = 5  # candidates that are refined; the right one was first in each of 160 bursts at 9,000 rpm
+    coarse_points: int = 500  # on the sphere, in the refinement of the candidates
+    fine_points: int = 2500  # on the sphere, in the last refinement
+
+    @classmethod
+    def fast(cls) -> SearchParams:
+        """Two thirds of the time."""
+        return cls(pairs=3, kept=3, coarse_points=400, fine_points=800)
+
+    def __post_init__(self) -> None:
+        check_range("pairs", self.pairs, 1, 100)
+        check_range("kept", self.kept, 1, 100)
+        check_range("coarse_points", self.coarse_points, 100, 100000)
+        check_range("fine_points", self.fine_points, 100, 100000)
+
+
+DEFAULT = SearchParams()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +69,18 @@ class Registration:
     candidates: int
 
 
-def register(surface: Surface) -> Registration:
+def register(surface: Surface, search: SearchParams = DEFAULT) -> Registration:
     """The spin of the ball; residual above GATE means that none was found."""
     gaps = np.diff(surface.times)
     gap = float(gaps.min())
     pairs = np.flatnonzero(gaps < 1.5 * gap)  # a lost frame leaves a longer gap
     values, weights = _maps(surface.marks, surface.weights, surface.views, surface.frame, _cells(), _cube(), len(surface.times))
     found = []
-    for step in (STEP, DENSE_STEP):
+    for step, params in ((STEP, search), (DENSE_STEP, DEFAULT)):
         rotations, table = _candidates(step)
-        scores = _search(values, weights, pairs, table, surface.contrast)
-        found.append(_refine(surface, pairs, gap, rotations, scores))
+        scored = pairs[np.linspace(0, len(pairs) - 1, min(params.pairs, len(pairs))).round().astype(np.int64)]
+        scores = _search(values, weights, scored, table, surface.contrast)
+        found.append(_refine(surface, pairs, gap, rotations, scores, params))
         if found[-1].residual < GATE:
             break
     return min(found, key=lambda each: each.residual)
@@ -68,14 +92,14 @@ def prepare() -> None:
         _candidates(step)
 
 
-def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, scores: Array) -> Registration:
+def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, scores: Array, params: SearchParams) -> Registration:
     chosen: list[Array] = []
     for i in np.argsort(scores)[:200]:
         if all(np.linalg.norm(rotations[i] - other) > APART for other in chosen):
             chosen.append(rotations[i])
-        if len(chosen) == KEPT:
+        if len(chosen) == params.kept:
             break
-    points, fine = _fibonacci(COARSE_POINTS), _fibonacci(FINE_POINTS)
+    points, fine = _fibonacci(params.coarse_points), _fibonacci(params.fine_points)
     s = surface
     where = (s.weights, s.views, s.frame)
     before = firsts(points, pairs, s.soft, *where)
@@ -98,7 +122,7 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
     cost, weight, _, _ = compare_pairs(spin, points, before, pairs, s.marks, *where, s.times, 0.0)
     seen = weight > LEAST_OVERLAP * float((before[..., 1] ** 2).sum())
     residual = max(cost / (2.0 * weight), error) / s.contrast if seen else 1.0
-    return Registration(spin, h / max(error, 1e-12), residual, len(rotations))
+    return Registration(spin, DEFAULT.fine_points / params.fine_points * h / max(error, 1e-12), residual, len(rotations))
 
 
 def _step(h: Array, g: Array, most: float) -> Array:

@@ -12,9 +12,10 @@ from tt_core.states import Array
 
 from .camera import Camera
 from .centre import Image, Spot, find_ball
+from .light import Lamps
 from .motion import Motion, fit_motion
 from .printed import method_1, method_2
-from .registration import GATE, register
+from .registration import DEFAULT, GATE, SearchParams, register
 from .surface import DULL, unwrap
 
 SYSTEMATIC = 3.5 * RPM  # rad/s, standard deviation of what noise does not explain: light, centres
@@ -46,12 +47,15 @@ def estimate_spin(
     method: str = "registration",
     motion: Motion | None = None,
     spots: Sequence[Sequence[Spot]] | None = None,
+    lamps: Lamps | None = None,
+    search: SearchParams = DEFAULT,
 ) -> SpinEstimate:
     """Spin from images that all show the whole ball.
 
     frames: [camera][frame] of (h, w) uint8 or uint16. times: (frames,) s, rising, middle of the exposures. motion, spots: when already
-    known. method: "registration", every rotation up to 66 deg between frames is tried; "liu", Method 2 of the dissertation;
-    "correlation", its Method 1. Raises TtError for arguments that do not fit together.
+    known. lamps: when calibrated; otherwise light is fitted to the burst. search: how much is spent.
+    method: "registration", every rotation up to 66 deg between frames is tried; "liu", Method 2 of the dissertation; "correlation", its
+    Method 1. Raises TtError for arguments that do not fit together.
     """
     times = check_times(times)
     check_frames(frames, len(times), len(cameras))
@@ -64,7 +68,7 @@ def estimate_spin(
                 return refused(spot.reason)
     if method == "registration":
         motion = motion or fit_motion(frames, spots, times, cameras)
-        return _by_registration(frames, times, cameras, motion, spots)
+        return _by_registration(frames, times, cameras, motion, spots, lamps, search)
     if method in PRINTED:
         spin, residual, iterations = PRINTED[method](frames, spots, times, cameras)
         return SpinEstimate(spin, UNKNOWN * np.eye(3), residual, None, iterations)
@@ -72,13 +76,19 @@ def estimate_spin(
 
 
 def _by_registration(
-    frames: Sequence[Sequence[Image]], times: Array, cameras: Sequence[Camera], motion: Motion, spots: Sequence[Sequence[Spot]]
+    frames: Sequence[Sequence[Image]],
+    times: Array,
+    cameras: Sequence[Camera],
+    motion: Motion,
+    spots: Sequence[Sequence[Spot]],
+    lamps: Lamps | None,
+    search: SearchParams,
 ) -> SpinEstimate:
     backgrounds = np.array([[spot.background for spot in row] for row in spots])
-    surface = unwrap(frames, backgrounds, motion.positions(times), motion.offsets, times - np.mean(times), cameras)
+    surface = unwrap(frames, backgrounds, motion.positions(times), motion.offsets, times - np.mean(times), cameras, lamps)
     if surface.contrast < DULL:
         return refused("no marks on the ball")
-    found = register(surface)
+    found = register(surface, search)
     if found.residual > GATE:
         return refused(f"marks do not agree between frames (residual {found.residual:.2f})", found.residual, found.candidates)
     covariance = CORRELATED * np.linalg.inv(found.information) + SYSTEMATIC**2 * np.eye(3)

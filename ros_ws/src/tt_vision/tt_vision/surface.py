@@ -14,14 +14,11 @@ from tt_core.states import Array
 
 from .camera import Camera, project_point, ray
 from .centre import Image
+from .light import LIMB, Lamps, fitted, lit
 
-LIMB = 0.30  # cosine to the line of sight below which a pixel is not used: two pixels inside the outline
 FULL = 0.55  # and above which it counts fully
-WHITE = 0.85  # of the fitted light: darker pixels are marks
 DIM = 0.15  # of the brightest light: below it marks drown in noise
 BORDER = 4  # pixels around the ball that are cut out with it
-HARMONICS = 16  # spherical harmonics up to third order; the second holds 99 % of diffuse light (Ramamoorthi, Hanrahan 2001), not gloss
-LIGHT_STEPS = 6  # of the fit, each leaving out more of the marks
 SOFT = 2.0  # pixels, sigma of the blur for the coarse search
 DULL = 0.02  # variance of the marks, relative to white, below which the ball is taken as bare; 13 % of marks give 0.08
 
@@ -47,9 +44,16 @@ class Surface:
 
 
 def unwrap(
-    frames: Sequence[Sequence[Image]], backgrounds: Array, positions: Array, offsets: Array, times: Array, cameras: Sequence[Camera]
+    frames: Sequence[Sequence[Image]],
+    backgrounds: Array,
+    positions: Array,
+    offsets: Array,
+    times: Array,
+    cameras: Sequence[Camera],
+    lamps: Lamps | None = None,
 ) -> Surface:
-    """frames: [camera][frame]. backgrounds: (cameras, frames) grey levels. positions: (frames, 3) m. offsets: (cameras, 2) pixels."""
+    """frames: [camera][frame]. backgrounds: (cameras, frames) grey levels. positions: (frames, 3) m. offsets: (cameras, 2) pixels.
+    lamps: where they are known; without them the light is fitted to the burst."""
     views, cuts = [], []
     for c, camera in enumerate(cameras):
         at = positions @ camera.rotation.T + camera.translation
@@ -64,8 +68,8 @@ def unwrap(
         cuts.append(_cut(frames[m // count][m % count], corner, size) - np.float32(backgrounds[m // count, m % count]))
     stack, table = np.array(cuts, dtype=np.float32), np.array(views)
     normals = _normals(size, table)
-    light, gains = _fit_light(stack, normals, len(cameras))
-    marks, weights = _divide(stack, normals, light, gains)
+    white = fitted(stack, normals, len(cameras)) if lamps is None else lit(stack, normals, table, lamps.seen_by(cameras))
+    marks, weights = _divide(stack, normals, white)
     soft = np.empty_like(marks)
     for m in range(len(marks)):
         mass = cv2.GaussianBlur(weights[m], (0, 0), SOFT)
@@ -122,77 +126,17 @@ def _normals(size: int, views: Array) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _harmonics(x: float, y: float, z: float, out: Array) -> None:
-    """Polynomials that span the spherical harmonics up to third order."""
-    out[0], out[1], out[2], out[3] = 1.0, x, y, z
-    out[4], out[5], out[6], out[7], out[8] = x * y, y * z, z * x, x * x, y * y
-    out[9], out[10], out[11], out[12] = x * x * x, x * x * y, x * y * y, y * y * y
-    out[13], out[14], out[15] = z * x * x, z * x * y, z * y * y
-
-
-@njit(cache=True, nogil=True)
-def _fit_light(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, Array]:
-    """(cameras, 16) light on a white surface by its normal, and (images,) gain of each image; marks are left out step by step."""
-    images, size = stack.shape[0], stack.shape[1]
-    frames = images // cameras
-    light, gains, h = np.zeros((cameras, HARMONICS)), np.ones(images), np.empty(HARMONICS)
-    for c in range(cameras):
-        for step in range(LIGHT_STEPS):
-            a, b = np.zeros((HARMONICS, HARMONICS)), np.zeros(HARMONICS)
-            for m in range(c * frames, (c + 1) * frames):
-                above, under = 0.0, 1e-9
-                for j in range(m % 3, size, 3):
-                    for i in range(m % 3, size, 3):
-                        if normals[m, j, i, 3] < LIMB:
-                            continue
-                        _harmonics(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
-                        value = stack[m, j, i]
-                        if step > 0:
-                            white = 0.0
-                            for p in range(HARMONICS):
-                                white += light[c, p] * h[p]
-                            if value < WHITE * gains[m] * white or (step > 2 and value * WHITE > gains[m] * white):
-                                continue
-                            above += value
-                            under += white
-                        for p in range(HARMONICS):
-                            b[p] += gains[m] * value * h[p]
-                            for q in range(p + 1):
-                                a[p, q] += gains[m] ** 2 * h[p] * h[q]
-                if step > 1:
-                    gains[m] = above / under
-            for p in range(HARMONICS):
-                a[p, p] *= 1.0 + 1e-4
-                a[p, p] += 1e-6
-                for q in range(p):
-                    a[q, p] = a[p, q]
-            light[c] = np.linalg.solve(a, b)
-    return light, gains
-
-
-@njit(cache=True, nogil=True)
-def _divide(stack: np.ndarray, normals: np.ndarray, light: Array, gains: Array) -> tuple[np.ndarray, np.ndarray]:
-    """(marks, weights), both (images, size, size) float32."""
-    images, size = stack.shape[0], stack.shape[1]
-    frames = images // len(light)
+def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(marks, weights), both (images, size, size) float32. white: grey levels of an unmarked ball."""
     marks, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
-    h = np.empty(HARMONICS)
     top = stack.max()
-    for m in range(images):
-        of = light[m // frames]
-        for j in range(size):
-            for i in range(size):
-                cosine = normals[m, j, i, 3]
-                if cosine <= 0.05:
+    for m in range(len(stack)):
+        for j in range(stack.shape[1]):
+            for i in range(stack.shape[2]):
+                cosine, light = normals[m, j, i, 3], white[m, j, i] / top
+                if cosine <= 0.05 or light < DIM:
                     continue
-                _harmonics(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
-                white = 0.0
-                for p in range(HARMONICS):
-                    white += of[p] * h[p]
-                white *= gains[m] / top
-                if white < DIM:
-                    continue
-                marks[m, j, i] = min(1.5, max(-0.3, stack[m, j, i] / top / white))
+                marks[m, j, i] = min(1.5, max(-0.3, stack[m, j, i] / white[m, j, i]))
                 seen = min(1.0, max(0.0, (cosine - LIMB) / (FULL - LIMB)))
-                weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (white / 0.5) ** 2)
+                weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (light / 0.5) ** 2)
     return marks, weights
