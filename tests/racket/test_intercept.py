@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.states import BallPath, BallState, Bounce
+from tt_core.states import BallPath, BallState, Bounce, ReturnGoal
 from tt_racket.goal import GoalParams, answer
 from tt_racket.intercept import InterceptParams, intercept
+from tt_racket.sensitivity import ErrorParams, landing_spread
+from tt_racket.trade import AS_ASKED, TradeParams
 
 PHYSICS = Physics.liu()
 
@@ -21,12 +23,19 @@ def path_after_bounce():
     return BallPath(np.append(0.3, times + 0.3), rows[:, :3], rows[:, 3:6], rows[:, 6:], (Bounce(before, after),))
 
 
-def test_candidates_are_on_the_path_in_the_window_and_ordered_by_racket_speed():
-    path, params = path_after_bounce(), InterceptParams()
-    found = intercept(path, answer(path.spins[0], GoalParams()), PHYSICS, params)
-    assert len(found.strokes) > 3
-    speeds = [np.linalg.norm(s.racket.velocity) for s in found.strokes]
-    assert speeds == sorted(speeds)
+def test_candidates_are_on_the_path_in_the_window_and_ordered_by_racket_speed_and_sensitivity():
+    path, params, goal = path_after_bounce(), InterceptParams(), answer(np.array([0.0, 250.0, 0.0]), GoalParams())
+    found = intercept(path, goal, PHYSICS, params)
+    assert len(found.strokes) > 3 and set(found.given) == {AS_ASKED}
+    costs = [
+        np.linalg.norm(s.racket.velocity) / params.racket_speed
+        + landing_spread(path.at(s.racket.time), s, goal.flight_time, PHYSICS, ErrorParams()) / params.landing_spread
+        for s in found.strokes
+    ]
+    assert costs == sorted(costs)
+    by_speed = intercept(path, goal, PHYSICS, InterceptParams(landing_spread=1e3))
+    speeds = [np.linalg.norm(s.racket.velocity) for s in by_speed.strokes]
+    assert speeds == pytest.approx(sorted(speeds), abs=1e-2)
     for stroke in found.strokes:
         ball = path.at(stroke.racket.time).position
         assert params.x_low <= ball[0] <= params.x_high
@@ -38,6 +47,17 @@ def test_too_fast_a_racket_is_refused_with_the_number():
     found = intercept(path, answer(path.spins[0], GoalParams()), PHYSICS, InterceptParams(racket_speed=0.2))
     assert not found.strokes
     assert all("m/s is over 0.2 m/s" in reason for _, reason in found.refused)
+
+
+def test_a_goal_out_of_reach_gives_up_what_the_order_says_and_tells_it():
+    path, order = path_after_bounce(), ("spin", "time", "place")
+    for time, spin, name in ((0.6, 900.0, "spin"), (0.25, 150.0, "spin and time")):
+        goal = ReturnGoal([2.055, 0.7625], time, spin, 0.0)
+        found = intercept(path, goal, PHYSICS, InterceptParams(), TradeParams(order=order))
+        assert found.strokes and len(found.given) == len(found.strokes)
+        assert found.given[0].startswith(name + ": ")
+        assert all(reason for _, reason in found.refused)
+        assert max(np.linalg.norm(s.racket.velocity) for s in found.strokes) <= InterceptParams().racket_speed
 
 
 def test_a_volley_is_no_candidate():

@@ -9,7 +9,9 @@ from tt_core.errors import check_range
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
+from .sensitivity import ErrorParams, landing_spread
 from .stroke import Stroke, solve
+from .trade import AS_ASKED, TradeParams, settle
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class InterceptParams:
     z_high: float = 0.55  # m
     spacing: float = 0.012  # s between candidates
     racket_speed: float = 3.5  # m/s, the most that is offered to the arm
+    traded: int = 4  # points at which a return is searched that gives up some of the goal, 10 ms each at most
+    landing_spread: float = 0.5  # m, as bad in the order of candidates as a racket at racket_speed
 
     def __post_init__(self) -> None:
         check_range("x_low", self.x_low, -2.0, self.x_high)
@@ -32,14 +36,18 @@ class InterceptParams:
         check_range("z_low", self.z_low, 0.0, self.z_high)
         check_range("spacing", self.spacing, 1e-3, 0.2)
         check_range("racket_speed", self.racket_speed, 0.1, 20.0)
+        check_range("traded", self.traded, 1, 100)
+        check_range("landing_spread", self.landing_spread, 0.01, 1e3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """strokes: solved, in order of preference. refused: for each point of the path that gave none, the ball there and why."""
+    """strokes: solved, in order of preference. refused: for each point of the path that did not give the goal as asked, the ball there and
+    why. given: for each stroke what of the goal it gives up, AS_ASKED for nothing."""
 
     strokes: tuple[Stroke, ...]
     refused: tuple[tuple[BallState, str], ...]
+    given: tuple[str, ...] = ()
 
 
 def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
@@ -57,17 +65,39 @@ def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
     ]
 
 
-def intercept(path: BallPath, goal: ReturnGoal, physics: Physics, params: InterceptParams) -> Candidates:
-    """Every hit point solved for the goal; slowest racket first, because the arm's speed is what runs out first."""
-    strokes, refused = [], []
-    for ball in hit_points(path, params):
-        stroke = solve(ball, goal, physics)
-        speed = np.linalg.norm(stroke.racket.velocity) if stroke.racket else 0.0
-        if stroke.reason:
-            refused.append((ball, stroke.reason))
-        elif speed > params.racket_speed:
-            refused.append((ball, f"racket speed {speed:.2f} m/s is over {params.racket_speed:g} m/s"))
+def intercept(
+    path: BallPath,
+    goal: ReturnGoal,
+    physics: Physics,
+    params: InterceptParams,
+    trade: TradeParams | None = None,
+    errors: ErrorParams | None = None,
+) -> Candidates:
+    """Every hit point solved for the goal, best first: slow rackets, because the arm's speed is what runs out first, and returns that land
+    near the goal in spite of `errors`. When no point gives the goal as asked, `traded` of them give up what `trade` says, and what comes
+    first in its order comes first.
+    """
+    errors, refused = errors or ErrorParams(), []
+    order: list[tuple[int, float, Stroke, str]] = []
+    balls = hit_points(path, params)
+
+    def cost(ball: BallState, stroke: Stroke, time: float) -> float:
+        assert stroke.racket is not None
+        speed = float(np.linalg.norm(stroke.racket.velocity)) / params.racket_speed
+        return speed + landing_spread(ball, stroke, time, physics, errors) / params.landing_spread
+
+    for ball in balls:
+        stroke = solve(ball, goal, physics, racket_speed=params.racket_speed)
+        if stroke.racket:
+            order.append((0, cost(ball, stroke, goal.flight_time), stroke, AS_ASKED))
         else:
-            strokes.append((speed, stroke))
-    strokes.sort(key=lambda pair: pair[0])
-    return Candidates(tuple(stroke for _, stroke in strokes), tuple(refused))
+            refused.append((ball, stroke.reason or ""))
+    if not order:
+        trade = trade or TradeParams()
+        for ball in balls[:: max(1, len(balls) // params.traded)]:
+            choice = settle(ball, goal, physics, trade, params.racket_speed)
+            if choice.stroke.racket:
+                rank = choice.name.count("and") * len(trade.order) + trade.order.index(choice.name.split()[-1])
+                order.append((rank, cost(ball, choice.stroke, choice.goal.flight_time), choice.stroke, f"{choice.name}: {choice.given}"))
+    order.sort(key=lambda one: one[:2])
+    return Candidates(tuple(one[2] for one in order), tuple(refused), tuple(one[3] for one in order))

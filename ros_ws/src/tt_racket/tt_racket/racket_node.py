@@ -15,7 +15,9 @@ from tt_core.states import BallState, ReturnGoal
 
 from .goal import GoalParams, answer
 from .intercept import InterceptParams, intercept
+from .sensitivity import ErrorParams, landing_spread
 from .stroke import solve
+from .trade import TradeParams
 
 
 class RacketNode(Node):
@@ -26,9 +28,12 @@ class RacketNode(Node):
         self.physics = declare_physics(self)
         self.params = declare(self, InterceptParams)
         self.goal_params = declare(self, GoalParams, "goal.")
+        self.trade = declare(self, TradeParams, "trade.")
+        self.errors = declare(self, ErrorParams, "errors.")
         self.goal: ReturnGoal | None = None
         ball = BallState(0.0, np.array([-0.15, 0.7, 0.25]), np.array([-4.0, 0.0, 0.3]), np.array([0.0, -150.0, 0.0]))
-        solve(ball, answer(ball.spin, self.goal_params), self.physics)  # loads the kernels
+        goal = answer(ball.spin, self.goal_params)
+        landing_spread(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)  # loads the kernels
         self.status = Status(self)
         self.strokes = self.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         self.create_subscription(MultiDOFJointTrajectory, "/return/goal", self.on_goal, LATCHED)
@@ -46,11 +51,13 @@ class RacketNode(Node):
         except TtError as error:
             self.status.tell(f"path refused: {error}", warn=True)
             return
-        found = intercept(path, self.goal or answer(path.spins[0], self.goal_params), self.physics, self.params)
+        goal = self.goal or answer(path.spins[0], self.goal_params)
+        found = intercept(path, goal, self.physics, self.params, self.trade, self.errors)
         rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
         self.strokes.publish(strokes_to_message(rackets, path.times[0]))
         why = sorted({reason for _, reason in found.refused}) or ["the path has no point in the window"] * (not rackets)
-        self.status.tell("strokes", stamp=path.times[0], warn=not rackets, found=len(rackets), refused="; ".join(why))
+        given = found.given[0] if found.given else ""
+        self.status.tell("strokes", stamp=path.times[0], warn=not rackets, found=len(rackets), given=given, refused="; ".join(why))
 
 
 def main() -> None:

@@ -222,6 +222,7 @@ def solve(
     ball: at the hit, flying to -x. method: "exact", the full model, from the "sam" start, or "sam", the simple one (4.48)-(4.58) alone.
     corrections: the most that "exact" makes; fewer give a coarser answer in less time. racket_speed: m/s, the most there is. The racket's
     face lies contact_height behind the ball's centre, and its normal points from it to the ball.
+    The landing is exact to 1e-9 m, to 1e-4 m where spin comes to lie along the flight, for h of (3.3) jumps there.
     A goal that cannot be met is a Stroke with a reason; raises TtError for an unknown method.
     """
     if method not in ("exact", "sam"):

@@ -1,0 +1,92 @@
+"""How far a returned ball lands from the goal when racket and ball are not quite what the stroke was solved for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from tt_core.bounce import rebound_racket
+from tt_core.errors import check_range
+from tt_core.flight import fly
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+
+from .stroke import COARSE_STEP, Stroke
+
+
+@dataclass(frozen=True)
+class ErrorParams:
+    """Standard deviations at the strike, each axis alike; assumptions of the order that measurement and arm reach."""
+
+    racket_velocity: float = 0.03  # m/s
+    racket_angle: float = 0.01  # rad, about each of the two axes of the face
+    ball_velocity: float = 0.05  # m/s
+    ball_spin: float = 15.0  # rad/s
+
+    def __post_init__(self) -> None:
+        check_range("racket_velocity", self.racket_velocity, 0.0, 1.0)
+        check_range("racket_angle", self.racket_angle, 0.0, 0.5)
+        check_range("ball_velocity", self.ball_velocity, 0.0, 2.0)
+        check_range("ball_spin", self.ball_spin, 0.0, 500.0)
+
+    @property
+    def sigmas(self) -> Array:
+        """(11,) of racket velocity, two angles, ball velocity, ball spin."""
+        return np.repeat([self.racket_velocity, self.racket_angle, self.ball_velocity, self.ball_spin], [3, 2, 3, 3])
+
+
+@njit(cache=True)
+def landing_covariance(
+    ball: Array, velocity: Array, alpha: float, beta: float, flight_time: float, sigmas: Array, air: Array, rubber: Array
+) -> Array:
+    """(2, 2) m^2 of the place where the ball comes down to the height of the goal: linear, by differences of one sigma to both sides.
+
+    ball (9,) at the hit; racket by velocity and angles; sigmas (11,) as of ErrorParams.
+    """
+    ends, out = np.empty((2, 3)), np.zeros((2, 2))
+    for i in range(11):
+        if sigmas[i] == 0.0:
+            continue
+        for side in range(2):
+            shift = sigmas[i] if side == 0 else -sigmas[i]
+            state, racket, angles = ball.copy(), velocity.copy(), np.array([alpha, beta])
+            if i < 3:
+                racket[i] += shift
+            elif i == 3:
+                angles[0] += shift
+            elif i == 4:
+                angles[1] += shift / math.cos(alpha)
+            else:
+                state[i - 2] += shift
+            a, b = angles[0], angles[1]
+            normal = np.array([math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)])
+            rebound_racket(state[3:6], state[6:9], racket, normal, rubber)
+            end = fly(state, flight_time, air, COARSE_STEP)
+            for k in range(2):  # on along its velocity to the height of the goal
+                ends[side, k] = end[k] - end[2] * end[3 + k] / end[5]
+        dx, dy = 0.5 * (ends[0, 0] - ends[1, 0]), 0.5 * (ends[0, 1] - ends[1, 1])
+        out[0, 0] += dx * dx
+        out[0, 1] += dx * dy
+        out[1, 1] += dy * dy
+    out[1, 0] = out[0, 1]
+    return out
+
+
+def landing_spread(ball: BallState, stroke: Stroke, flight_time: float, physics: Physics, errors: ErrorParams) -> float:
+    """m, root mean square distance of landings from the goal under `errors`; inf for a stroke without a racket."""
+    if stroke.racket is None:
+        return math.inf
+    racket = stroke.racket
+    covariance = landing_covariance(
+        ball.vector,
+        racket.velocity,
+        racket.alpha,
+        racket.beta,
+        flight_time,
+        errors.sigmas,
+        physics.air.coefficients,
+        physics.racket.coefficients,
+    )
+    return math.sqrt(covariance[0, 0] + covariance[1, 1])
