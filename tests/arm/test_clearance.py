@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tt_arm.clearance import FOREARM, RIM, clearance, from_table
+from tt_arm.clearance import FOREARM, OBSTACLES, PEDESTAL, RIM, braking_clearance, clearance, clearances, from_segment, from_table
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach
 from tt_arm.swing import Joints, plan
-from tt_core.constants import TABLE_WIDTH
+from tt_core.constants import FLOOR_Z, TABLE_WIDTH
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
@@ -24,11 +24,23 @@ def test_distances_to_the_table_top():
     assert from_table(1.0, 0.7, -0.53) == pytest.approx(0.5)
 
 
+def test_distances_to_a_segment():
+    start, end = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 2.0])
+    assert from_segment(0.3, 0.4, 1.5, start, end) == pytest.approx(0.5)
+    assert from_segment(0.3, 0.4, 1.0, start, end) == pytest.approx(0.5)
+    assert from_segment(0.0, 0.3, 2.4, start, end) == pytest.approx(0.5)
+
+
 @given(postures)
 def test_it_bounds_the_distance_of_the_face(q):
     face, _ = MODEL.racket(q)
-    assert clearance(q, MODEL.chain) <= from_table(*face) + RIM
-    assert clearance(q, MODEL.chain) >= -FOREARM
+    table, floor, itself = clearances(q, MODEL.chain)
+    assert -FOREARM <= table <= from_table(*face) + RIM
+    assert floor <= face[2] - FLOOR_Z + RIM
+    base = np.array(MODEL.chain.base_position)
+    assert itself <= from_segment(*face, np.array([*base[:2], FLOOR_Z]), base + [0.0, 0.0, MODEL.chain.lengths[0]]) - PEDESTAL + RIM
+    least, what = clearance(q, MODEL.chain)
+    assert least == min(table, floor, itself) == (table, floor, itself)[what]
 
 
 @given(postures)
@@ -36,7 +48,30 @@ def test_a_mirror_image_is_as_clear(q):
     """About the table's middle, where the base stands: z joints turn the other way."""
     assert MODEL.chain.base_position[1] == pytest.approx(TABLE_WIDTH / 2)
     mirrored = q * [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
-    assert clearance(mirrored, MODEL.chain) == pytest.approx(clearance(q, MODEL.chain), abs=1e-9)
+    assert clearances(mirrored, MODEL.chain) == pytest.approx(clearances(q, MODEL.chain), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "obstacle", "base_z"),
+    [
+        ((0, 80, 0, 60, -80, 70, 110), "the table", -0.06),
+        ((-140, 80, 10, 70, 10, 30, -210), "the floor", -0.5),  # out of reach from the pedestal
+        ((0, 0, 0, 137, 0, 130, 0), "itself", -0.06),
+        ((0, 45, 0, 0, 0, 165, 0), "itself", -0.06),
+    ],
+)
+def test_touches_are_known_by_what_is_touched(degrees, obstacle, base_z):
+    model = ArmModel.pa10(base=(-0.8, 0.7625, base_z, 0.0))
+    least, what = clearance(np.radians(degrees), model.chain)
+    assert least < 0.0
+    assert OBSTACLES[what] == obstacle
+
+
+@given(postures, arrays(float, 7, elements=st.floats(-1.0, 1.0)))
+def test_braking_ends_where_constant_deceleration_does(q, share):
+    speeds = share * MODEL.speed_limits
+    end = q + 0.5 * speeds * np.abs(speeds) / 20.0
+    assert braking_clearance(q, speeds, 20.0, MODEL.chain)[0] <= clearance(end, MODEL.chain)[0] + 1e-9
 
 
 def test_a_strike_in_the_table_is_refused():
@@ -44,4 +79,4 @@ def test_a_strike_in_the_table_is_refused():
     for height, clear in ((0.3, True), (0.06, False)):
         racket = RacketState(2.0, np.array([0.05, 0.7, height]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
         reason = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), 2.0).reason
-        assert reason is None if clear else "of the table on the way" in reason
+        assert reason is None if clear else "of the table on the way or braking" in reason

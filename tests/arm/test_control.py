@@ -133,6 +133,32 @@ def test_silence_stops_the_arm_and_it_goes_on_afterwards():
     assert arm.joints.q == pytest.approx(MODEL.waiting, abs=1e-3)
 
 
+def test_an_old_joint_state_stops_the_arm_too():
+    arm = Arm()
+    arm.run(0.05)
+    assert arm.control.step(arm.joints, arm.joints.time + 0.04).reason is None
+    assert arm.control.step(arm.joints, arm.joints.time + 0.12).reason == "joint state is 0.120 s old"
+
+
+def test_a_strike_far_ahead_is_refused():
+    arm = Arm()
+    arm.run(0.05)
+    assert arm.control.take(printed(8.0)).reasons == ("the strike is 7.95 s ahead",)
+
+
+def test_the_last_commands_are_a_stop():
+    arm = Arm()
+    arm.run(0.05)
+    arm.control.take(printed(0.5)[:1])
+    arm.run(0.48)
+    moving = np.abs(arm.joints.qdot).max()
+    assert moving > 0.5
+    commands = np.array(arm.control.ending(TICK))
+    assert np.all(commands[-1] == 0.0)
+    assert np.abs(np.diff(commands, axis=0)).max() <= 40.0 * TICK + 1e-9
+    assert len(commands) * 40.0 * TICK == pytest.approx(moving, rel=0.2)
+
+
 def test_the_servo_pulls_towards_the_path():
     rest, limits = plan(MODEL, HELD, None, 0.0), MODEL.speed_limits
     assert np.all(follow(rest, 1.0, MODEL.waiting, limits, ServoParams()) == 0.0)

@@ -1,6 +1,9 @@
-"""The arm node is wired: joint states in, commands out; strokes in, a swing that arrives; nonsense survived, silence stopped."""
+"""The arm node is wired: joint states in, commands out; strokes in, a swing that arrives; stopped for every reason there is."""
 
+import re
+import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
 TICK = 0.004  # s, as fast as this process surely is
+AWAY = MODEL.waiting + 0.8 * np.array([1, -1, 1, -1, 1, -1, 1])  # rad, from where the way home takes a second
 LEAD = 0.9  # s, from the strokes to the strike
 
 
@@ -28,6 +32,7 @@ class Bench:
         self.probe, self.plant, self.command = probe, Plant(MODEL), np.zeros(7)
         self.joints = Joints(time.time(), MODEL.waiting, np.zeros(7))
         self.commands, self.told, self.swings = 0, [], []
+        self.fault = {}  # what is wrong in the joint states that are published
         self.states = probe.create_publisher(JointState, "/joint_states", RELIABLE)
         self.strokes = probe.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
@@ -45,7 +50,10 @@ class Bench:
         end, racket = time.time() + seconds, None
         self.joints = Joints(time.time(), self.joints.q, self.joints.qdot)
         while self.joints.time < end:
-            self.states.publish(joints_to_message(MODEL.names, self.joints.time, self.joints.q, self.joints.qdot))
+            message = joints_to_message(MODEL.names, self.joints.time, self.joints.q, self.joints.qdot)
+            for field, value in self.fault.items():
+                setattr(message, field, value)
+            self.states.publish(message)
             due = self.joints.time + TICK
             while time.time() < due:
                 self.probe.executor.spin_once(timeout_sec=max(0.0, due - time.time()))
@@ -54,6 +62,18 @@ class Bench:
             if at is not None and before.time <= at < self.joints.time:
                 racket = self.plant.racket(before, self.command, at - before.time)
         return racket
+
+    def rest(self, words, bound=5.0):
+        """Ticks until the arm is at rest and has told why; s."""
+        start = time.time()
+        while not (np.abs(self.joints.qdot).max() < 1e-3 and np.all(self.command == 0.0)):
+            assert time.time() < start + bound, f"{words}: still moving, {self.messages()[-3:]}"
+            self.run(TICK)
+        took = time.time() - start
+        while not any(re.search(words, message) for message in self.messages()):
+            assert time.time() < start + bound, f"{words}: {self.messages()[-3:]}"
+            self.run(TICK)
+        return took
 
     def messages(self):
         return [message for _, name, message, _ in self.told if name == "arm"]
@@ -121,20 +141,103 @@ def test_a_stroke_is_made_in_time_once_enabled(start, probe, until, bench):
     assert np.all(bench.command == 0.0)
 
 
-def test_silence_and_nonsense_stop_the_arm(start, probe, until, bench):
-    from sensor_msgs.msg import JointState
+def move(bench, probe, until, posture=AWAY, seconds=0.4):
+    """The arm on its way home from a posture, what latched forgotten."""
+    from std_srvs.srv import SetBool
 
-    start("tt_arm.arm_node", "--ros-args", "-p", "enabled:=true")
+    assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=False)).success
+    bench.joints, bench.command = Joints(time.time(), posture, np.zeros(7)), np.zeros(7)
+    bench.run(0.1)
+    assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
+    bench.told.clear()
+    bench.run(seconds)
+    if seconds:
+        assert np.abs(bench.joints.qdot).max() > 0.3
+
+
+BOUND = 0.6  # s to rest: 0.16 s from the highest speed, 0.1 s until silence is noticed twice, the rest for a busy machine
+HOMEWARD = {  # ways home that lead through something; the floor only from a base that stands low
+    "the table": (100, 70, -90, 10, 40, -80, 90),
+    "itself": (-20, 80, -100, 130, 10, 90, -170),
+}
+
+
+def test_the_guard_stops_the_arm_for_each_of_its_reasons(start, probe, until, bench):
+    from std_srvs.srv import Trigger
+
+    node = start("tt_arm.arm_node", "--ros-args", "-p", "enabled:=true")
     bench.ready()
     bench.run(0.2)
-    bench.command = np.ones(7)
-    until(lambda: np.all(bench.command == 0.0), probe, 5.0)  # by the watchdog
-    until(lambda: any("no joint state" in message for message in bench.messages()), probe, 5.0)
+    took = {}
+    for obstacle, degrees in HOMEWARD.items():
+        move(bench, probe, until, np.radians(degrees), 0.0)
+        until_told(bench, obstacle)
+        took[obstacle] = bench.rest(f"from {obstacle}", BOUND)
 
-    bench.states.publish(JointState())
-    until(lambda: any("failed" in message for message in bench.messages()), probe, 5.0)
-    bench.run(0.2)
-    assert np.all(bench.command == 0.0)
+    beyond, fast = MODEL.waiting.copy(), np.zeros(7)
+    beyond[6], fast[0] = 4.6, 1.3
+    for words, given in (
+        ("not finite", {"position": [np.nan] * 7}),
+        ("expected, got", {"name": list(MODEL.names)[:-1]}),
+        ("expected, got", {"position": [0.0] * 5}),
+        ("beyond its limit", {"position": beyond.tolist()}),
+        ("times its speed limit", {"velocity": fast.tolist()}),
+    ):
+        move(bench, probe, until)
+        bench.fault = given
+        took[f"{words} {next(iter(given))}"] = bench.rest(words, BOUND)
+        bench.fault = {}
+
+    move(bench, probe, until)
+    since = time.time()  # silence
+    while np.any(bench.command != 0.0):
+        assert time.time() < since + BOUND
+        probe.executor.spin_once(timeout_sec=0.01)
+    took["silence"] = time.time() - since
+    until(lambda: any("no joint state in time" in message for message in bench.messages()), probe, 5.0)
+
+    move(bench, probe, until)
+    client = probe.create_client(Trigger, "/arm/stop")
+    until(client.service_is_ready, probe)
+    client.call_async(Trigger.Request())
+    took["/arm/stop"] = bench.rest("stopped by /arm/stop", BOUND)
+
+    move(bench, probe, until)
+    node.send_signal(signal.SIGINT)
+    took["shutdown"] = bench.rest("the node ends", BOUND)
+    assert node.wait(timeout=10) == 0
+    print({words: round(seconds, 3) for words, seconds in took.items()})
+
+
+def until_told(bench, words, bound=10.0):
+    end = time.time() + bound
+    while not any(re.search(words, message) for message in bench.messages()):
+        assert time.time() < end, f"{words}: {bench.messages()[-3:]}"
+        bench.run(TICK)
+
+
+@pytest.mark.parametrize(
+    ("words", "parameters"),
+    [
+        ("position limit.*, for", ["guard.margin:=0.5", "guard.braking:=0.1"]),
+        ("speed limit.*, for", ["guard.speed_share:=0.2"]),
+        ("acceleration limit.*, for", ["guard.acceleration:=3.0"]),
+        ("the plan is", ["guard.stale_plan:=0.3"]),
+        ("from the floor", ["base:=[-0.8, 0.7625, -0.5, 0.0]"]),
+        ("RuntimeError: a crash", []),
+    ],
+)
+def test_the_guard_stops_the_arm_for_what_its_limits_forbid(start, probe, until, bench, monkeypatch, words, parameters):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    arguments = [text for parameter in parameters for text in ("-p", parameter)]
+    start("crashing_arm" if "crash" in words else "tt_arm.arm_node", "--ros-args", *arguments)
+    bench.ready()
+    posture = np.radians((20, 70, -40, 100, -20, -60, 50)) if "floor" in words else AWAY
+    move(bench, probe, until, posture, 0.0)
+    until_told(bench, words)
+    print({words: round(bench.rest(words, BOUND), 3)})
+    bench.run(0.1)
+    assert np.all(bench.command == 0.0)  # and stays there
 
 
 def test_a_bad_parameter_ends_it_with_the_reason(start):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import time
+
+from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -22,6 +26,7 @@ from .reach import ReachParams
 from .servo import ServoParams
 from .swing import Joints, SwingLimits
 
+TICK = 0.002  # s between the last commands of a node that ends
 POINTS = 0.02  # s between the points of the published swing
 
 
@@ -57,16 +62,14 @@ class ArmNode(Node):
 
     def on_joints(self, message: JointState) -> None:
         try:
-            step = self.control.step(Joints(*joints_from_message(message, self.joints)))
+            step = self.control.step(Joints(*joints_from_message(message, self.joints)), self.now())
         except Exception as error:  # whatever it is, the arm must not move on
             self.fail(error)
             return
         self.commands.publish(Float64MultiArray(data=step.command.tolist()))
         if step.begun is not None:
             self.status.tell("first command", stamp=self.frame_time)
-        if step.reason != self.reason:
-            self.reason = step.reason
-            self.status.tell(f"guard: {step.reason}", warn=step.reason is not None)
+        self.tell(step.reason)
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
         try:
@@ -100,22 +103,41 @@ class ArmNode(Node):
         return response
 
     def on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.control.enable(False)
+        self.control.enable(False, "stopped by /arm/stop")
         response.success, response.message = True, "stopped; /arm/enable starts again"
         return response
 
     def on_watch(self) -> None:
         """Stops the arm when the joint states have ceased."""
-        now = self.get_clock().now().nanoseconds * 1e-9
+        now = self.now()
         command = self.control.watch(now)
         if command is not None and self.control.joints is not None:
             self.commands.publish(Float64MultiArray(data=command.tolist()))
-            self.status.tell(f"no joint state for {now - self.control.joints.time:.3f} s", warn=True)
+            self.tell("no joint state in time")
+
+    def now(self) -> float:
+        """s, by the node's clock."""
+        return self.get_clock().now().nanoseconds * 1e-9
+
+    def tell(self, reason: str | None) -> None:
+        """Why the arm does not do what its swing wants, when that changes: in words, but for numbers that change with every look."""
+        words = None if reason is None else re.sub(r"[0-9.]+", "", reason)
+        if words != self.reason:
+            self.reason = words
+            self.status.tell(f"guard: {reason or 'nothing to cut'}", warn=reason is not None)
 
     def fail(self, error: Exception) -> None:
-        self.commands.publish(Float64MultiArray(data=self.control.fail(f"{type(error).__name__}: {error}").tolist()))
-        self.status.tell(f"failed: {error}", warn=True)
+        self.commands.publish(Float64MultiArray(data=self.control.fail(f"failed: {type(error).__name__}: {error}").tolist()))
+        self.tell(self.control.guard.latched)
         self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
+
+    def close(self) -> None:
+        """Brings the arm to rest before the context ends, for whatever reason it does."""
+        for command in self.control.ending(TICK):
+            self.commands.publish(Float64MultiArray(data=command.tolist()))
+            time.sleep(TICK)
+        self.tell("the node ends")
+        self.commands.wait_for_all_acked(Duration(seconds=0.2))
 
 
 def main() -> None:

@@ -1,4 +1,8 @@
-"""How far racket and forearm stay from the table."""
+"""How far racket, hand and forearm stay from the table, the floor and the arm itself, on the way and while braking.
+
+The racket is the circle of its rim, hand and forearm are points along their axes with a radius, upper arm and pedestal are capsules.
+Upper arm and forearm are joined at an elbow whose limits keep them apart.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +10,23 @@ import math
 
 import numpy as np
 from numba import njit
-from tt_core.constants import TABLE_LENGTH, TABLE_WIDTH
+from tt_core.constants import FLOOR_Z, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.states import Array
 
 from .kinematics import Chain, forward
 from .motion import evaluate
 
+OBSTACLES = ("the table", "the floor", "itself")
 THICKNESS = 0.03  # m, of the table top, an assumption
 RIM = 0.08  # m, from the face centre to the racket's edge, of the racket in the URDF
 FOREARM = 0.06  # m, radius around elbow, wrist and handle, of the links in the URDF
+UPPER_ARM = 0.08  # m, radius from shoulder to elbow, of the links in the URDF
+PEDESTAL = 0.10  # m, radius from the floor to the shoulder, of the base in the URDF
+NEAR = 0.08  # m, within which the racket is its rim and no ball
 AROUND = 12  # points of the rim
+ALONG = 8  # parts of the forearm; the capsules seen from its points are at most 3 mm nearer
+LEVERS = (1.4, 1.4, 1.4, 0.9, 0.9, 0.4, 0.4)  # m, more than any point is away from the joints' axes
+BRAKING = 3  # postures looked at while the arm brakes, the last at rest
 
 
 @njit(cache=True)
@@ -25,30 +36,97 @@ def from_table(x: float, y: float, z: float) -> float:
 
 
 @njit(cache=True)
-def clearance(q: Array, chain: Chain) -> float:
-    """m, from the table to the racket's rim or, less its radius, the line from elbow over wrist to the handle; not above 0 is a touch."""
+def from_segment(x: float, y: float, z: float, start: Array, end: Array) -> float:
+    """m, from a point to the segment from `start` (3,) to `end` (3,)."""
+    ux, uy, uz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    x, y, z = x - start[0], y - start[1], z - start[2]
+    share = min(1.0, max(0.0, (x * ux + y * uy + z * uz) / (ux * ux + uy * uy + uz * uz)))
+    x, y, z = x - share * ux, y - share * uy, z - share * uz
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True)
+def clearances(q: Array, chain: Chain) -> tuple[float, float, float]:
+    """m, the least distance for q (7,) rad to each of OBSTACLES; not above 0 is a touch. Beyond NEAR at most 2 RIM too small."""
     face, rotation, _ = forward(q, chain)
-    least = np.inf
-    for k in range(AROUND):
-        c, s = RIM * math.cos(2.0 * math.pi * k / AROUND), RIM * math.sin(2.0 * math.pi * k / AROUND)
-        rim = face + c * rotation[:, 0] + s * rotation[:, 1]
-        least = min(least, from_table(rim[0], rim[1], rim[2]))
     flange = rotation @ chain.mount_rotation.T
     wrist = face - flange @ chain.mount_position - chain.lengths[3] * flange[:, 2]
     c, s, c2, s2 = math.cos(q[0]), math.sin(q[0]), math.cos(q[1]), math.sin(q[1])
     shoulder = chain.base_position + chain.lengths[0] * chain.base_rotation[:, 2]
     elbow = shoulder + chain.lengths[1] * (chain.base_rotation @ np.array([c * s2, s * s2, c2]))
-    for k in range(9):
-        p = elbow + 0.25 * k * (wrist - elbow) if k < 5 else wrist + 0.125 * (k - 4) * (face - wrist)
-        least = min(least, from_table(p[0], p[1], p[2]) - FOREARM)
-    return least
+    foot = np.array([chain.base_position[0], chain.base_position[1], min(FLOOR_Z, chain.base_position[2])])
+    folded = (wrist - elbow) @ flange[:, 2].copy() < -0.5 * chain.lengths[2]  # else the rim is 7 cm from the forearm
+    x, y, z = face[0], face[1], face[2]
+    table, floor = from_table(x, y, z) - RIM, z - FLOOR_Z - RIM
+    itself = min(from_segment(x, y, z, shoulder, elbow) - UPPER_ARM, from_segment(x, y, z, foot, shoulder) - PEDESTAL) - RIM
+    if folded:
+        itself = min(itself, from_segment(x, y, z, elbow, wrist) - FOREARM - RIM)
+    if min(table, itself) < NEAR:
+        table, itself = np.inf, np.inf
+        for k in range(AROUND):
+            c, s = RIM * math.cos(2.0 * math.pi * k / AROUND), RIM * math.sin(2.0 * math.pi * k / AROUND)
+            x = face[0] + c * rotation[0, 0] + s * rotation[0, 1]
+            y = face[1] + c * rotation[1, 0] + s * rotation[1, 1]
+            z = face[2] + c * rotation[2, 0] + s * rotation[2, 1]
+            table = min(table, from_table(x, y, z))
+            itself = min(itself, from_segment(x, y, z, shoulder, elbow) - UPPER_ARM, from_segment(x, y, z, foot, shoulder) - PEDESTAL)
+            if folded:
+                itself = min(itself, from_segment(x, y, z, elbow, wrist) - FOREARM)
+    for k in range(ALONG + 4):
+        if k <= ALONG:
+            start, end, share = elbow, wrist, k / ALONG
+        else:  # to the handle
+            start, end, share = wrist, face, (k - ALONG) / 8.0
+        x, y, z = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]), start[2] + share * (end[2] - start[2])
+        table, floor = min(table, from_table(x, y, z) - FOREARM), min(floor, z - FLOOR_Z - FOREARM)
+        if k >= ALONG:
+            itself = min(itself, from_segment(x, y, z, shoulder, elbow) - UPPER_ARM - FOREARM)
+        itself = min(itself, from_segment(x, y, z, foot, shoulder) - PEDESTAL - FOREARM)
+    return table, floor, itself
 
 
 @njit(cache=True)
-def path_clearance(end: float, step: float, knots: Array, coefficients: Array, chain: Chain) -> float:
-    """The least clearance (m) every `step` (s) until `end` (s) of a path of polynomials, see `motion`."""
-    q, qdot, qddot, least = np.empty(7), np.empty(7), np.empty(7), np.inf
+def clearance(q: Array, chain: Chain) -> tuple[float, int]:
+    """m, the least of `clearances`, and which of OBSTACLES it is from."""
+    table, floor, itself = clearances(q, chain)
+    if table <= floor and table <= itself:
+        return table, 0
+    return (floor, 1) if floor <= itself else (itself, 2)
+
+
+@njit(cache=True)
+def braking_clearance(q: Array, qdot: Array, braking: float, chain: Chain) -> tuple[float, int]:
+    """The least `clearance` at BRAKING postures after q, qdot (7,) if each joint brakes at `braking` (rad/s^2)."""
+    longest, posture, least, what = np.abs(qdot).max() / braking, np.empty(7), np.inf, 0
+    for k in range(1, BRAKING + 1):
+        for i in range(7):
+            t = min(longest * k / BRAKING, abs(qdot[i]) / braking)
+            posture[i] = q[i] + t * (qdot[i] - 0.5 * t * math.copysign(braking, qdot[i]))
+        left, near = clearance(posture, chain)
+        if left < least:
+            least, what = left, near
+    return least, what
+
+
+@njit(cache=True)
+def path_clearance(
+    end: float, step: float, braking: float, enough: float, knots: Array, coefficients: Array, chain: Chain
+) -> tuple[float, int]:  # fmt: skip
+    """The least clearance (m) on a path of polynomials (see `motion`) and braking from it, every `step` (s) until `end` (s); from what.
+
+    enough: m, above which braking need not be looked at.
+    """
+    q, qdot, qddot, least, what = np.empty(7), np.empty(7), np.empty(7), np.inf, 0
     for k in range(int(end / step) + 2):
         evaluate(min(end, k * step), knots, coefficients, q, qdot, qddot)
-        least = min(least, clearance(q, chain))
-    return least
+        left, near = clearance(q, chain)
+        moves = 0.0  # m, what braking moves any point at most
+        for i in range(7):
+            moves += LEVERS[i] * qdot[i] ** 2 / (2.0 * braking)
+        if moves > 0.0 and left - moves < enough:
+            braked, obstacle = braking_clearance(q, qdot, braking, chain)
+            if braked < left:
+                left, near = braked, obstacle
+        if left < least:
+            least, what = left, near
+    return least, what

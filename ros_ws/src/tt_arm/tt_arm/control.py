@@ -26,12 +26,14 @@ class ControlParams:
     replan_distance: float = 0.002  # m, what they must differ by, see `apart`
     same_ball: float = 0.3  # s, strikes closer than this are for one ball
     lost: float = 0.15  # rad off the path, at which the swing is given up
+    horizon: float = 3.0  # s, a strike further ahead than this is refused
 
     def __post_init__(self) -> None:
         check_range("ahead", self.ahead, 0.0, 0.5)
         check_range("replan_distance", self.replan_distance, 0.0, 1.0)
         check_range("same_ball", self.same_ball, 0.0, 10.0)
         check_range("lost", self.lost, 0.01, 3.0)
+        check_range("horizon", self.horizon, 0.1, 1000.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,26 +61,29 @@ class ArmControl:
         self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
         self.servo, self.choosing, self.params = servo or ServoParams(), choosing or ChoiceParams(), params or ControlParams()
         self.guard = Guard(model, guard)
-        self.enabled = False
+        self.enabled, self._off = False, "not enabled"
         self._stale_looks = 0
         self.joints: Joints | None = None
         self.swing: Swing | None = None
         self.coming: Swing | None = None
         self.stroke: tuple[RacketState, Reach] | None = None
 
-    def enable(self, on: bool) -> None:
-        """Switches motion on, forgetting what latched, or off by a controlled stop."""
-        self.enabled = on
+    def enable(self, on: bool, reason: str = "not enabled") -> None:
+        """Switches motion on, forgetting what latched, or off by a controlled stop for that reason."""
+        self.enabled, self._off = on, reason
         self._forget()
         if on:
             self.guard.reset()
 
-    def step(self, joints: Joints) -> Step:
-        """The command for the time of `joints`: along the swing, else towards waiting, else zero."""
+    def step(self, joints: Joints, now: float | None = None) -> Step:
+        """The command for the time of `joints`: along the swing, else towards waiting, else zero. now: s, if known, when they came."""
         self.joints, self._stale_looks = joints, 0
         if not self.enabled or self.guard.latched:
             self._forget()
-            return Step(self.guard.stop(joints.time), self.guard.latched)
+            return Step(self.guard.stop(joints.time), self.guard.latched or self._off)
+        if now is not None and self.guard.stale(joints.time, now):
+            self._forget()
+            return Step(self.guard.stop(joints.time), f"joint state is {now - joints.time:.3f} s old")
         begun = None
         if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
             self.swing, self.coming, begun = self.coming, None, self.coming
@@ -86,13 +91,16 @@ class ArmControl:
             self._forget()
             self.swing = plan(self.model, joints, None, joints.time, self.limits)
         wanted = follow(self.swing, joints.time, joints.q, self.model.speed_limits, self.servo)
-        command, reason = self.guard.check(joints.time, wanted, joints.q)
+        planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
+        command, reason = self.guard.check(joints.time, wanted, joints.q, joints.qdot, planned)
         return Step(command, reason, begun)
 
     def take(self, rackets: Sequence[RacketState]) -> Choice:
         """Plans for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
         if not self.enabled or self.guard.latched or self.joints is None or self.swing is None:
-            return Choice(None, None, None, None, (self.guard.latched or "not enabled",))
+            return Choice(None, None, None, None, (self.guard.latched or self._off,))
+        if rackets and min(r.time for r in rackets) > self.joints.time + self.params.horizon:
+            return Choice(None, None, None, None, (f"the strike is {rackets[0].time - self.joints.time:.2f} s ahead",))
         current = self.stroke if self.stroke is not None and self.stroke[0].time > self.joints.time else None
         if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
@@ -118,10 +126,18 @@ class ArmControl:
         return self.guard.stop(time) if self._stale_looks > 1 else None
 
     def fail(self, reason: str) -> Array:
-        """Something else broke: latches; the command (7,) is zero."""
-        self.guard.latched = reason
+        """Something else broke: latches; the command (7,) is zero at once, the drives brake, for nothing here may be trusted."""
         self._forget()
-        return np.zeros(7)
+        return self.guard.latch(reason)
+
+    def ending(self, tick: float) -> list[Array]:
+        """The commands (7,) of a stop, `tick` (s) apart, the last zero: for a process that ends."""
+        self.enable(False, "ended")
+        time = 0.0 if self.joints is None else self.joints.time
+        commands = [self.guard.stop(time + tick)]
+        while commands[-1].any():
+            commands.append(self.guard.stop(time + (len(commands) + 1) * tick))
+        return commands
 
     def _forget(self) -> None:
         self.swing = self.coming = self.stroke = None

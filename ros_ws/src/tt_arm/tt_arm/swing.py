@@ -16,7 +16,7 @@ from numba import njit
 from tt_core.errors import TtError, check_array, check_range
 from tt_core.states import Array
 
-from .clearance import path_clearance
+from .clearance import OBSTACLES, path_clearance
 from .model import ArmModel
 from .motion import evaluate, least_time, possible, quintic, quintic_holds, trapezoid
 from .reach import Reach
@@ -53,7 +53,7 @@ class SwingLimits:
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
     unhurried_return: float = 1.15  # and so does the way back: the next ball comes soon
     margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
-    clearance: float = 0.010  # m, that racket and forearm keep from the table; our choice
+    clearance: float = 0.010  # m, that racket and forearm keep from table, floor and arm; more than the guard keeps
     profile: str = "auto"  # of a joint: quintic, trapezoid, or auto: the quintic where it keeps the limits
 
     def __post_init__(self) -> None:
@@ -202,14 +202,15 @@ class _Path:
         self.rest(waiting, 0.0)
 
     def hits(self) -> str | None:
-        """What is in the way, a joint's end or the table."""
+        """What is in the way: a joint's end, the table, the floor or the arm itself."""
         low, high, _, _ = extremes(self.now, self.knots, self.coefficients)
         room = np.minimum(low - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - high)
         if room.min() < self.limits.margin:
             return f"joint {self.model.names[int(room.argmin())]} would come within {max(0.0, room.min()):.3f} rad of its limit on the way"
-        left = path_clearance(self.now, COARSE, self.knots, self.coefficients, self.model.chain)
-        if left < self.limits.clearance:
-            return f"the racket would come within {max(0.0, 1e3 * left):.0f} mm of the table on the way"
+        braking, enough = self.limits.acceleration, self.limits.clearance
+        left, what = path_clearance(self.now, COARSE, braking, enough, self.knots, self.coefficients, self.model.chain)
+        if left < enough:
+            return f"the arm would come within {max(0.0, 1e3 * left):.0f} mm of {OBSTACLES[what]} on the way or braking there"
         return None
 
 

@@ -1,0 +1,24 @@
+"""The arm node with a fault in its logic, which shows a little after the arm has begun to move."""
+
+from tt_arm.arm_node import ArmNode
+from tt_core.ros.run import run
+
+
+class CrashingArm(ArmNode):
+    """Raises in every joint state after the thirtieth that asks for motion."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.moved, self.healthy = 0, self.control.step
+        self.control.step = self.crash
+
+    def crash(self, joints, now):
+        step = self.healthy(joints, now)
+        self.moved += bool(step.command.any())
+        if self.moved > 30:
+            raise RuntimeError("a crash")
+        return step
+
+
+if __name__ == "__main__":
+    run(CrashingArm)
