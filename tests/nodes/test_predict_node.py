@@ -1,13 +1,20 @@
 """The node is wired: a state in, its path out, nonsense survived."""
 
+import json
+
+import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_to_message, path_from_message
 from tt_core.ros.qos import RELIABLE
+from tt_core.ros.status import read_status
 from tt_core.states import BallState
+from tt_predict.identify import Identified, write_parameters
 from tt_predict.rollout import StopRule, rollout
+from tt_predict.spread import spread
 
 BALL = BallState(100.0, [2.6, 0.76, 0.3], [-6.2, 0.1, 1.0], [20, -360, 30])
 
@@ -27,6 +34,29 @@ def test_a_state_in_is_its_path_out(start, probe, until):
     assert len(path.bounces) == 1
     # 1e-6: a stamp holds whole nanoseconds, in which the ball flies 6e-9 m
     assert path.end.vector == pytest.approx(wanted.end.vector, abs=1e-6)
+
+
+def test_identified_coefficients_are_taken_and_the_covariance_is_told(start, probe, until, tmp_path):
+    found = Identified(Physics.liu(), ("air.drag",), np.array([0.4]), np.array([0.01]), {}, (1e-3, 1e-3))
+    write_parameters(found, "liu", tmp_path / "found.yaml")
+    start("tt_predict.predict_node", "--ros-args", "--params-file", str(tmp_path / "found.yaml"), "-p", "until_x:=-0.2")
+    got, told = [], []
+    probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: told.extend(read_status(m)), RELIABLE)
+    out = probe.create_publisher(Odometry, "/ball/state", RELIABLE)
+    until(lambda: out.get_subscription_count() == 1 and probe.count_publishers("/diagnostics") == 1, probe)
+
+    covariance = np.diag(np.repeat([5e-4, 0.02, 10.0], 3) ** 2)
+    ball = BallState.from_vector(BALL.time, BALL.vector, covariance)
+    out.publish(ball_to_message(ball))
+    until(lambda: got and any("covariance" in values for *_, values in told), probe)
+    physics = Physics(air=type(Physics.liu().air)(drag=0.4))
+    assert path_from_message(got[0]).end.vector == pytest.approx(rollout(BALL, physics, StopRule.at_x(-0.2)).end.vector, abs=1e-6)
+    (values,) = [values for *_, values in told if "covariance" in values]
+    wanted = spread(ball, physics, StopRule.at_x(-0.2)).covariance
+    # four digits are told
+    assert np.array(json.loads(values["covariance"])) == pytest.approx(wanted, rel=1e-3, abs=1e-9 * np.abs(wanted).max())
+    assert float(values["sigma_time_ms"]) == pytest.approx(1e3 * np.sqrt(wanted[0, 0]), abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.identify import Predictor
 from tt_predict.rollout import StopRule, rollout
+from tt_predict.spread import spread
 from tt_racket.goal import GoalParams, answer
 from tt_racket.intercept import InterceptParams, intercept
 from tt_sim.footage import footage
@@ -29,6 +30,7 @@ def main() -> None:
     seen = measure(left, right, np.array([frame.time for frame in frames]), cameras).ball or ball
     path = rollout(seen, physics, StopRule.at_x(-0.4))
     rollout(seen, physics, StopRule.at_x(-0.4), method="liu")
+    spread(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(seen.vector, path.times)
     intercept(path, answer(seen.spin, GoalParams()), physics, InterceptParams())
     racket = RacketMotion(np.array([-0.2, 0.7, 0.2]), np.eye(3), np.zeros(3))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -15,17 +18,19 @@ from tt_core.ros.status import Status
 from tt_core.states import BallState
 
 from .rollout import StopRule, rollout
+from .spread import spread
 
 
 class PredictNode(Node):
-    """/ball/state -> /ball/path up to the plane `until_x`, the end of the robot's reach."""
+    """/ball/state -> /ball/path up to the plane `until_x`, the end of the robot's reach; how uncertain it is there goes to /diagnostics."""
 
     def __init__(self) -> None:
         super().__init__("predict")
         self.physics = declare_physics(self)
         self.stop = StopRule.at_x(parameter(self, "until_x", -0.5))
         ball = BallState(0.0, np.array([2.6, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.array([0.0, -300.0, 0.0]))
-        rollout(ball, self.physics, self.stop)  # loads the kernel
+        rollout(ball, self.physics, self.stop)  # loads the kernels
+        spread(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
         self.status = Status(self)
         self.path = self.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
         self.create_subscription(Odometry, "/ball/state", self.on_ball, RELIABLE)
@@ -38,7 +43,19 @@ class PredictNode(Node):
             return
         path = rollout(ball, self.physics, self.stop)
         self.path.publish(path_to_message(path))
-        self.status.tell("path", stamp=ball.time, bounces=len(path.bounces), ended=path.ended)
+        self.status.tell("path", stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
+
+    def at_end(self, ball: BallState) -> dict[str, Any]:
+        """How uncertain the ball is where its path stops: standard deviations, and the covariance of time, position, velocity, spin."""
+        try:
+            end = spread(ball, self.physics, self.stop) if ball.covariance is not None else None
+        except TtError as error:
+            return {"spread": str(error)}
+        if end is None:
+            return {}
+        time, _, y, z = 1e3 * np.sqrt(np.diag(end.covariance))[:4]
+        rows = json.dumps([[float(f"{value:.4g}") for value in row] for row in end.covariance])
+        return {"sigma_time_ms": f"{time:.2f}", "sigma_y_mm": f"{y:.1f}", "sigma_z_mm": f"{z:.1f}", "covariance": rows}
 
 
 def main() -> None:

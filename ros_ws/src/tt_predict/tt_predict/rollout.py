@@ -59,6 +59,10 @@ class StopRule:
         """At the next contact with the table, before the rebound."""
         return cls(_LANDING)
 
+    def longest(self, start: float) -> float:
+        """s of the longest path from `start`; raises OutOfRange for a stop time before it."""
+        return check_range("stop time after the ball's", self.value - start, 0.0, LONGEST) if self.kind == _TIME else LONGEST
+
 
 @njit(cache=True)
 def _stops(state: Array, end: Array, h: float, kind: int, value: float, bounced: bool, air: Array, trial: Array, work: Array) -> float:
@@ -212,9 +216,7 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
     """
     if method not in _ROWS:
         raise TtError(f"method {method!r} is none of {', '.join(map(repr, _ROWS))}")
-    time, duration = ball.time, LONGEST
-    if stop.kind == _TIME:
-        duration = check_range("stop time after the ball's", stop.value - time, 0.0, LONGEST)
+    time, duration = ball.time, stop.longest(ball.time)
     size, ended = _ROWS[method], _FULL
     while ended == _FULL:
         rows, at = np.empty((size, 10)), np.empty(MOST_BOUNCES, np.int64)
