@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -51,11 +52,8 @@ def run(make: Callable[[], Node]) -> None:
     except TtError as error:
         print(error, file=sys.stderr)
         raise SystemExit(2) from error
-    except KeyboardInterrupt:  # while the node was made
+    except (KeyboardInterrupt, ExternalShutdownException):  # while the node was made; by the node itself
         pass
-    except RuntimeError:  # from rclpy, when the signal came while the node was made
-        if rclpy.ok():
-            raise
     finally:
         if node is not None and hasattr(node, "close"):
             node.close()
