@@ -11,5 +11,5 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["sim_node = tt_sim.sim_node:main"]},
+    entry_points={"console_scripts": ["sim_node = tt_sim.sim_node:main", "experiment = tt_sim.experiments.main:main"]},
 )

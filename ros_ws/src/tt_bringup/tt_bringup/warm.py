@@ -18,21 +18,20 @@ from tt_sim.launcher import LauncherParams, launch
 from tt_sim.plant import Plant
 from tt_sim.render import Scene
 from tt_sim.world import RacketMotion, World
-from tt_vision.measure import measure
+from tt_vision.measure import warm as warm_vision
 from tt_vision.rig import high_speed_pair
 
 
 def main() -> None:
     rng, physics, cameras = np.random.default_rng(0), Physics.liu(), high_speed_pair()
     ball, orientation = launch("top", 4, LauncherParams(), rng)
-    frames = list(footage(ball, orientation, cameras, Scene(), physics, rng))[8:14]
-    left, right = (np.array([frame.images[i] for frame in frames]) for i in range(2))
-    seen = measure(left, right, np.array([frame.time for frame in frames]), cameras).ball or ball
-    path = rollout(seen, physics, StopRule.at_x(-0.4))
-    rollout(seen, physics, StopRule.at_x(-0.4), method="liu")
+    warm_vision(cameras)
+    next(footage(ball, orientation, cameras, Scene(), physics, rng))
+    path = rollout(ball, physics, StopRule.at_x(-0.4))
+    rollout(ball, physics, StopRule.at_x(-0.4), method="liu")
     spread(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
-    Predictor(physics).positions(seen.vector, path.times)
-    intercept(path, answer(seen.spin, GoalParams()), physics, InterceptParams())
+    Predictor(physics).positions(ball.vector, path.times)
+    intercept(path, answer(ball.spin, GoalParams()), physics, InterceptParams())
     racket = RacketMotion(np.array([-0.2, 0.7, 0.2]), np.eye(3), np.zeros(3))
     world = World(physics)
     world.ball = BallState(0.0, np.array([-0.2, 0.7, 0.25]), np.array([0.0, 0.0, -3.0]), np.zeros(3))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,8 +23,8 @@ from .render import Lamps, Noise, Texture, render
 class Conditions:
     """Of a burst.
 
-    frames: pairs. frame_rate: 1/s. exposure: s. slowest, fastest: rpm, about any axis. blobs, coverage: marks on the ball and the part of it
-    that they cover. pose_angle, pose_shift: rad and m, standard deviation by which the cameras do not stand where the estimator thinks.
+    frames: pairs. frame_rate: 1/s. exposure: s. slowest, fastest: rpm, about any axis. blobs, coverage: marks on the ball and the part of
+    it that they cover. pose_angle, pose_shift: rad and m, standard deviation by which the cameras do not stand where the estimator thinks.
     """
 
     frames: int = 6  # the dissertation's K
@@ -43,7 +45,7 @@ class Conditions:
 class Burst:
     """images: (2, k, h, w). times: (k,) s. ball: the truth at the last frame. cameras: as the estimator believes them to stand."""
 
-    images: np.ndarray
+    images: Any
     times: Array
     ball: BallState
     cameras: tuple[Camera, ...]
@@ -53,14 +55,19 @@ def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> I
     """Balls of 3 to 8 m/s near the middle of the view, spinning about any axis; they fly by Aerodynamics.measured()."""
     c = conditions or Conditions()
     rng = np.random.default_rng(seed)
-    textures = [replace(Texture.drawn(k, blobs=c.blobs, coverage=c.coverage), gloss=c.gloss) for k in range(20)]
     for _ in range(count):
         direction = np.array([-1.0, rng.uniform(-0.08, 0.08), rng.uniform(-0.1, 0.35)])
         velocity = rng.uniform(3.0, 8.0) * direction / np.linalg.norm(direction)
         axis = rng.standard_normal(3)
         spin = rng.uniform(c.slowest, c.fastest) * RPM * axis / np.linalg.norm(axis)
         middle = np.array(VIEW_CENTRE) + rng.uniform(-0.012, 0.012, 3)
-        yield film(middle, velocity, spin, textures[rng.integers(len(textures))], c, rng)
+        texture = replace(_drawn(int(rng.integers(20)), c.blobs, c.coverage), gloss=c.gloss)
+        yield film(middle, velocity, spin, texture, c, rng)
+
+
+@functools.cache
+def _drawn(seed: int, blobs: int, coverage: float) -> Texture:
+    return Texture.drawn(seed, blobs=blobs, coverage=coverage)
 
 
 def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: Conditions, rng: np.random.Generator) -> Burst:

@@ -18,7 +18,7 @@ from .centre import Image, Spot, outline
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
 LEAST_POINTS = 16  # in an image: a quarter of the outline
 SHADED = 25e-6  # m, standard deviation of what all frames share: light that makes one side of the outline brighter
-FAR = 3.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
+FAR = 5.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
 
 
@@ -90,7 +90,8 @@ def fit_motion(
     position = state[:3] + last * state[3:6] + 0.5 * last * last * gravity
     velocity = state[3:6] + last * gravity
     covariance = move @ covariance[:6, :6] @ move.T
-    covariance[:3, :3] += SHADED**2 * np.eye(3)
+    aside = float(np.abs(offsets).max()) * float(np.linalg.norm(position - cameras[0].position)) / cameras[0].focal_pixels
+    covariance[:3, :3] += (SHADED**2 + aside**2) * np.eye(3)  # cameras that disagree do not say which of them is wrong
     return Motion(float(times[-1]), position, velocity, covariance, gravity, residual, offsets, state[6:], len(points))
 
 

@@ -56,8 +56,12 @@ def method_2(
     times: Array,
     cameras: Sequence[Camera],
     params: Method2Params | None = None,
+    trace: list[tuple[float, Array]] | None = None,
 ) -> tuple[Array, float, int]:
-    """Image registration by conjugate gradients: (spin (3,) rad/s in `table`, E, iteration number IN (2.35))."""
+    """Image registration by conjugate gradients: (spin (3,) rad/s in `table`, E, iteration number IN (2.35)).
+
+    The search runs in `table`, with the printed start. trace: takes E and spin after each iteration, as Figures 2.17 and 2.18 show them.
+    """
     p = params or Method2Params()
     camera = cameras[p.camera]
     pixels, positions = centres_by_four_points(frames, spots, cameras)
@@ -88,6 +92,8 @@ def method_2(
             iterations += 1
             trial = spin + step * direction
             trial_error = objective(trial)
+            if trace is not None:
+                trace.append(min((error, spin), (trial_error, trial), key=lambda each: each[0]))
             if trial_error > error + p.descent * step * slope:
                 high = step
             else:

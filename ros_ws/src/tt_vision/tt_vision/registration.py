@@ -28,7 +28,7 @@ APART = 0.2  # rad between kept candidates
 STEPS = 12  # of a refinement at most; few marks seen aslant take 8
 NEAR, SETTLED = 6.0, 0.3  # rad/s, last step of the blurred and of the sharp refinement
 LEAST_OVERLAP = 0.1  # of what one frame shows that the next one shows too
-GATE = 0.10  # residual above which a registration is not believed: right ones reach 0.03, wrong ones start at 0.25
+GATE = 0.05  # residual above which a registration is not believed: right ones reach 0.03, wrong ones start at 0.09
 
 
 @dataclass(frozen=True)
