@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import pinocchio as pin
 from report import arguments, report
 from tt_arm.choice import ChoiceParams, choose
 from tt_arm.control import ArmControl, warm
 from tt_arm.model import ArmModel
 from tt_arm.reach import Reach, ReachParams, reach
 from tt_arm.swing import Joints, Swing, SwingLimits, plan
+from tt_arm.torque import torque_shares
 from tt_core.states import RacketState
 from tt_sim.plant import Plant
 
@@ -46,12 +46,7 @@ def asked(rng: np.random.Generator, strike: float) -> RacketState:
 
 def torque(swing: Swing) -> float:
     """Largest share of the rated torque (assumed inertias, assumed gears) along the path."""
-    data, most, h = MODEL.pinocchio.createData(), 0.0, 1e-4
-    for t in np.arange(swing.start.time, swing.end_time, 5e-3):
-        q, qdot = swing.sample(t)
-        qddot = (swing.sample(t + h)[1] - qdot) / h
-        most = max(most, np.max(np.abs(pin.rnea(MODEL.pinocchio, data, q, qdot, qddot)) / MODEL.torque_limits))
-    return most
+    return float(torque_shares(MODEL, swing.end_time - swing.start.time, 5e-3, swing.knots, swing.coefficients).max())
 
 
 def miss(racket: RacketState) -> tuple[float, float]:
@@ -91,7 +86,7 @@ def main() -> None:
         for method in ("best", "near", "liu"):
             metrics[f"{name}: share of the speed limits, {method}"] = reach(MODEL, racket, MODEL.waiting, method=method).ratio  # type: ignore[arg-type]
         metrics[f"{name}: face turns, rad/s"] = reach(MODEL, racket, MODEL.waiting).turning
-    for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), (20.0, "auto"), (20.0, "quintic")):
+    for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), (20.0, "auto"), (20.0, "quintic"), (20.0, "ruckig")):
         limits = SwingLimits(acceleration=acceleration, profile=profile)
         found = [choose(MODEL, [racket], WAITING, limits, ReachParams(), ChoiceParams()) for racket in printed.values()]
         swings = [plan(MODEL, WAITING, reach(MODEL, racket, MODEL.waiting), 1.0, limits) for racket in printed.values()]

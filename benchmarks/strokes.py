@@ -41,7 +41,13 @@ def main() -> None:
     hits = [one for one in done if one.reason is None]
     for name, scale in (("turning", 1.0), ("spare", 1e3), ("back", 1.0), ("miss", 1e3), ("tilt", 180.0 / np.pi)):
         values = scale * np.array([getattr(one, name) for one in hits])
-        label = {"turning": "face turns, rad/s", "spare": "to spare, ms", "back": "way back, s", "miss": "miss, mm", "tilt": "tilt, degrees"}[name]
+        label = {
+            "turning": "face turns, rad/s",
+            "spare": "to spare, ms",
+            "back": "way back, s",
+            "miss": "miss, mm",
+            "tilt": "tilt, degrees",
+        }[name]
         metrics[f"{label}, median"], metrics[f"{label}, 99 %"] = float(np.median(values)), float(np.quantile(values, 0.99))
     metrics["nearest to a position limit, rad"] = min(one.room for one in done)
     metrics["largest share of a speed limit"] = max(one.speed for one in done)

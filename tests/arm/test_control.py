@@ -136,9 +136,9 @@ def test_silence_stops_the_arm_and_it_goes_on_afterwards():
 def test_an_old_joint_state_stops_the_arm_too():
     arm = Arm()
     arm.run(0.05)
-    assert arm.control.step(arm.joints, arm.joints.time + 0.04).reason is None
-    assert arm.control.step(arm.joints, arm.joints.time + 0.12).reason is None  # this may be our own fault
-    assert arm.control.step(arm.joints, arm.joints.time + 0.12).reason == "joint state is 0.120 s old"
+    assert arm.control.step(arm.joints, arm.joints.time + 0.15).reason is None
+    assert arm.control.step(arm.joints, arm.joints.time + 0.22).reason is None  # this may be our own fault
+    assert arm.control.step(arm.joints, arm.joints.time + 0.22).reason == "joint state is 0.220 s old"
 
 
 def test_a_strike_far_ahead_is_refused():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from tt_arm.motion import evaluate, farthest, fastest, least_time, possible, quintic, quintic_holds, trapezoid
+from tt_arm.motion import evaluate, farthest, fastest, least_time, polyline, possible, quintic, quintic_holds
 
 SPEED, ACCELERATION = 2.0, 10.0
 speeds, distances, times = st.floats(-SPEED, SPEED), st.floats(-2.0, 2.0), st.floats(0.01, 2.0)
@@ -40,7 +40,7 @@ def check(fill, time, distance, v0, v1):
 @given(times, distances, speeds, speeds)
 def test_what_is_possible_is_done_within_the_limits(time, distance, v0, v1):
     assume(possible(time, distance, v0, v1, SPEED, ACCELERATION))
-    check(trapezoid, time, distance, v0, v1)
+    check(polyline, time, distance, v0, v1)
 
 
 @given(times, distances, speeds, speeds)

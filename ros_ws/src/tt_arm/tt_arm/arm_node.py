@@ -20,8 +20,9 @@ from tt_core.ros.status import Status
 
 from .choice import ChoiceParams
 from .control import ArmControl, ControlParams, warm
+from .feasible import check_feasible
 from .guard import GuardParams
-from .model import BASE, MOUNT, WAITING, ArmModel
+from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
 from .servo import ServoParams
 from .swing import Joints, SwingLimits
@@ -36,7 +37,7 @@ class ArmNode(Node):
     def __init__(self) -> None:
         super().__init__("arm")
         base, mount, waiting = (parameter(self, n, list(v)) for n, v in (("base", BASE), ("mount", MOUNT), ("waiting", WAITING)))
-        model = ArmModel.pa10(base, mount, waiting)
+        model = ArmModel.pa10(base, mount, waiting, parameter(self, "urdf", str(URDF)))
         self.joints = parameter(self, "joints", list(model.names))
         self.control = ArmControl(
             model,
@@ -51,6 +52,7 @@ class ArmNode(Node):
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on
         self.reason: str | None = None
         warm(model)
+        check_feasible(model, self.control.limits)
         self.commands = self.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", LATEST)
         self.create_subscription(JointState, "/joint_states", self.on_joints, LATEST)

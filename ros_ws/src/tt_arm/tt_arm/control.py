@@ -62,7 +62,7 @@ class ArmControl:
         self.servo, self.choosing, self.params = servo or ServoParams(), choosing or ChoiceParams(), params or ControlParams()
         self.guard = Guard(model, guard)
         self.enabled, self._off = False, "not enabled"
-        self._stale_looks = 0
+        self._stale_looks = self._late = 0
         self.joints: Joints | None = None
         self.swing: Swing | None = None
         self.coming: Swing | None = None
@@ -77,12 +77,12 @@ class ArmControl:
 
     def step(self, joints: Joints, now: float | None = None) -> Step:
         """The command for the time of `joints`: along the swing, else towards waiting, else zero. now: s, if known, when they came."""
-        self.joints = joints
-        self._stale_looks = self._stale_looks + 1 if now is not None and self.guard.stale(joints.time, now) else 0
+        self.joints, self._stale_looks = joints, 0
+        self._late = self._late + 1 if now is not None and self.guard.late(joints.time, now) else 0
         if not self.enabled or self.guard.latched:
             self._forget()
             return Step(self.guard.stop(joints.time), self.guard.latched or self._off)
-        if now is not None and self._stale_looks > 1:
+        if now is not None and self._late > 1:
             return Step(self.guard.stop(joints.time), f"joint state is {now - joints.time:.3f} s old")
         begun = None
         if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
@@ -119,7 +119,7 @@ class ArmControl:
     def watch(self, time: float) -> Array | None:
         """The next command (7,) of a stop when at `time` (s) the last joint state is stale; None while all is well.
 
-        The second stale look in a row counts, here and in `step`: a process that was held up itself has old mail, once.
+        The second look in a row counts, here and in `step`: a process that was held up itself has old mail, once.
         """
         stale = self.joints is not None and self.guard.stale(self.joints.time, time)
         self._stale_looks = self._stale_looks + 1 if stale else 0

@@ -29,6 +29,7 @@ class GuardParams:
     clearance: float = 0.005  # m, kept from table, floor and arm; less than swings keep
     patience: float = 0.1  # s, for which commands are cut without a pause before they latch
     stale: float = 0.05  # s without a joint state, after which the arm stops; 25 ticks of 2 ms
+    late: float = 0.2  # s, that joint states may be old when they come; a servo this far behind is blind
     stale_plan: float = 5.0  # s, after which a plan no longer moves the arm; a swing and its way back take 2
 
     def __post_init__(self) -> None:
@@ -40,6 +41,7 @@ class GuardParams:
         check_range("overspeed", self.overspeed, 1.0, 100.0)
         check_range("patience", self.patience, 0.0, 10.0)
         check_range("stale", self.stale, 1e-3, 10.0)
+        check_range("late", self.late, 1e-3, 10.0)
         check_range("stale_plan", self.stale_plan, 1e-2, 1000.0)
 
 
@@ -103,6 +105,10 @@ class Guard:
     def stale(self, then: float, now: float) -> bool:
         """Whether a joint state of `then` (s) is too old `now`."""
         return now - then > self._params.stale
+
+    def late(self, then: float, now: float) -> bool:
+        """Whether a joint state of `then` (s) comes too late `now`."""
+        return now - then > self._params.late
 
     def reset(self) -> None:
         """Lets commands through again, from zero."""

@@ -8,7 +8,7 @@ from importlib import resources
 
 import numpy as np
 import pinocchio as pin
-from tt_core.errors import check_array
+from tt_core.errors import TtError, check_array, check_range
 from tt_core.states import Array
 
 from .kinematics import Chain, forward
@@ -18,6 +18,33 @@ BASE = (-0.80, 0.7625, -0.06, 0.0)  # m, m, m, rad: base_link in `table` as x, y
 MOUNT = (0.15, 0.5 * np.pi)  # m beyond the flange on its axis, rad about its y axis; our choice: the normal is the flange's x axis
 # rad; found by a search: leaves the most time for the catapult's balls at scales 3 to 5, and reaches the printed strokes within 0.4 s
 WAITING = tuple(np.radians([-63.1, 63.9, 56.3, 110.5, -11.3, 85.3, 136.8]).tolist())
+
+
+def _read(urdf: str) -> pin.Model:
+    """Raises TtError for what is no URDF, or not of seven joints that turn about z and y in turn."""
+    try:
+        model = pin.buildModelFromUrdf(urdf)
+    except (ValueError, RuntimeError) as error:
+        raise TtError(f"urdf = {urdf!r} cannot be read: {error}") from error
+    if not (model.nq == model.nv == 7 and model.existFrame("racket")):
+        raise TtError(f"urdf = {urdf!r} has {model.nq} joints {list(model.names[1:])}, wanted 7 revolute ones and a link named racket")
+    for i in range(1, 8):
+        kind, placed = model.joints[i].shortname(), model.jointPlacements[i]
+        if kind != ("JointModelRZ" if i % 2 else "JointModelRY"):
+            raise TtError(f"urdf = {urdf!r}: joint {model.names[i]} is a {kind[10:]}, wanted one about {'z' if i % 2 else 'y'}")
+        if np.abs(placed.rotation - np.eye(3)).max() > 1e-9 or np.abs(placed.translation[:2]).max() > 1e-9:
+            raise TtError(f"urdf = {urdf!r}: joint {model.names[i]} stands at {placed.translation} m, wanted straight above the one before")
+    limits = zip(model.names[1:], model.lowerPositionLimit, model.upperPositionLimit, model.velocityLimit, model.effortLimit, strict=True)
+    for name, low, high, speed, torque in limits:
+        if not (low < high and 0.0 < speed < 100.0 and 0.0 < torque < 1e5):
+            raise TtError(f"urdf = {urdf!r}: joint {name} has limits {low:g} to {high:g} rad, {speed:g} rad/s, {torque:g} N m")
+    return model
+
+
+def _inside(model: pin.Model, waiting: Array) -> Array:
+    for i, name in enumerate(model.names[1:]):
+        check_range(f"waiting angle of joint {name}", waiting[i], model.lowerPositionLimit[i], model.upperPositionLimit[i])
+    return waiting
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +64,16 @@ class ArmModel:
     pinocchio: pin.Model
 
     @classmethod
-    def pa10(cls, base: Sequence[float] = BASE, mount: Sequence[float] = MOUNT, waiting: Sequence[float] = WAITING) -> ArmModel:
+    def pa10(
+        cls, base: Sequence[float] = BASE, mount: Sequence[float] = MOUNT, waiting: Sequence[float] = WAITING, urdf: str = str(URDF)
+    ) -> ArmModel:
         """base: x, y, z (m) and yaw (rad) of base_link in `table`. mount: m beyond the flange, rad about the flange's y axis.
 
-        Raises BadShape, NotFinite.
+        urdf: path of a description with the PA10's structure; its numbers may be others. Raises BadShape, NotFinite, TtError.
         """
         x, y, z, yaw = check_array("base", base, (4,))
         ahead, tilt = check_array("mount", mount, (2,))
-        model = pin.buildModelFromUrdf(str(URDF))
+        model = _read(urdf)
         lengths = [sum(model.jointPlacements[i].translation[2] for i in pair) for pair in ((1, 2), (3, 4), (5, 6), (7,))]
         racket = pin.SE3(pin.rpy.rpyToMatrix(0.0, float(tilt), 0.0), np.array([0.0, 0.0, ahead]))
         model.frames[model.getFrameId("racket")].placement = racket
@@ -55,7 +84,7 @@ class ArmModel:
             position_limits=np.column_stack([model.lowerPositionLimit, model.upperPositionLimit]),
             speed_limits=model.velocityLimit.copy(),
             torque_limits=model.effortLimit.copy(),
-            waiting=check_array("waiting", waiting, (7,)),
+            waiting=_inside(model, check_array("waiting", waiting, (7,))),
             chain=Chain(*(np.array(c, order="C") for c in constants)),
             pinocchio=model,
         )

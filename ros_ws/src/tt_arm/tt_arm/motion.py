@@ -66,7 +66,7 @@ def fastest(time: float, distance: float, v0: float, speed: float, acceleration:
 
 
 @njit(cache=True)
-def trapezoid(time: float, q0: float, v0: float, q1: float, v1: float, speed: float, acceleration: float, knots: Array, c: Array) -> int:
+def polyline(time: float, q0: float, v0: float, q1: float, v1: float, speed: float, acceleration: float, knots: Array, c: Array) -> int:
     """The mixed envelopes: fills 5 knots (from 0) and their coefficients, returns 5. The motion must be possible."""
     high, low = _peak(time, v0, v1, speed, acceleration), -_peak(time, -v0, -v1, speed, acceleration)
     most, least = farthest(time, v0, v1, speed, acceleration), -farthest(time, -v0, -v1, speed, acceleration)

@@ -1,8 +1,9 @@
 """When each joint moves: from where it is, through the strike at its instant, slowing down, and back to waiting, as one path.
 
-The loop is that of dissertation Figure 1.9: approach, strike, slow down to rest, return. Each leg takes one time for all joints; a joint
-follows the fifth degree polynomial where that keeps the limits, else the mixed envelopes of `motion`, which reach all that the limits
-allow.
+The loop is that of dissertation Figure 1.9: approach, strike, slow down to rest, return. Each leg takes one time for all joints, with one
+of the profiles of Chapter 1: "quintic", the fifth degree polynomial; "polyline", speed in straight pieces, the mixed envelopes of
+`motion`, which reach all that the limits allow; "ruckig", trapezoidal acceleration, which limits jerk as well. "auto" is the quintic for
+each joint where that keeps the limits, else the polyline.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from tt_core.errors import TtError, check_array, check_range
 from tt_core.states import Array
 
 from .clearance import OBSTACLES, path_clearance
+from .jerk import SAME, append, least_jerky
 from .model import ArmModel
-from .motion import evaluate, least_time, possible, quintic, quintic_holds, trapezoid
+from .motion import evaluate, least_time, polyline, possible, quintic, quintic_holds
 from .reach import Reach
+from .torque import torque_shares
 
-PIECES = 17  # per joint: hold, three legs of five at most, rest
+PIECES = 32  # per joint: hold, three legs of five or (ruckig) seven and two to slow down first, rest
 STEP = 1e-3  # s, of the search for the earliest strike and of the last check of the limits
 COARSE = 10e-3  # s, of the check against the table: at 3 m/s the racket moves 30 mm
 LONGEST = 10.0  # s, the longest leg that is tried
-PROFILES = ("auto", "quintic", "trapezoid")
+PROFILES = ("auto", "quintic", "polyline", "ruckig")
+RUCKIG = PROFILES.index("ruckig")
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
 SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
 
@@ -52,13 +56,17 @@ class SwingLimits:
     speed_share: float = 1.0  # of the speed limits, Table A.12
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
     unhurried_return: float = 1.15  # and so does the way back: the next ball comes soon
+    torque_share: float = 1.0  # of the rated torque, checked over the whole path with assumed inertias
     margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
     clearance: float = 0.010  # m, that racket and forearm keep from table, floor and arm; more than the guard keeps
-    profile: str = "auto"  # of a joint: quintic, trapezoid, or auto: the quintic where it keeps the limits
+    jerk: float = 2000.0  # rad/s^3 of each joint, for the profile "ruckig"; our choice: 10 ms to the full acceleration
+    profile: str = "auto"  # of a joint: see PROFILES and the top of this file
 
     def __post_init__(self) -> None:
         check_range("acceleration", self.acceleration, 0.1, 1000.0)
         check_range("speed_share", self.speed_share, 0.01, 1.0)
+        check_range("torque_share", self.torque_share, 0.01, 100.0)
+        check_range("jerk", self.jerk, 1.0, 1e6)
         check_range("margin", self.margin, 0.0, 0.5)
         check_range("clearance", self.clearance, 0.0, 0.5)
         check_range("unhurried", self.unhurried, 1.0, 10.0)
@@ -143,7 +151,7 @@ def _leg(
         if smooth:
             pieces[i] += quintic(time, q0[i], v0[i], q1[i], v1[i], knots[i, n:], coefficients[i, n:])
         else:
-            pieces[i] += trapezoid(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration, knots[i, n:], coefficients[i, n:])
+            pieces[i] += polyline(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration, knots[i, n:], coefficients[i, n:])
         knots[i, n : pieces[i]] += begin
 
 
@@ -176,9 +184,20 @@ class _Path:
         self.knots, self.coefficients, self._pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
 
     def least(self, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
+        if self.kind == RUCKIG:
+            return self.longer(0.0, q0, v0, q1, v1)
         return _least(q0, v0, q1, v1, self.speed, self.limits.acceleration, self.kind == 1)
 
+    def longer(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
+        """s, the shortest possible leg of at least `time`, for a profile that has gaps between the possible times; inf if there is none."""
+        if self.kind != RUCKIG:
+            return time
+        leg = least_jerky(q0, v0, q1, v1, self.speed, self.limits.acceleration, self.limits.jerk, time)
+        return math.inf if leg is None else float(leg.duration)
+
     def holds(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> bool:
+        if self.kind == RUCKIG:
+            return self.longer(time, q0, v0, q1, v1) <= time + SAME
         return _holds(time, q0, v0, q1, v1, self.speed, self.limits.acceleration, self.kind == 1)
 
     def rest(self, q: Array, time: float) -> None:
@@ -187,6 +206,13 @@ class _Path:
 
     def leg(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> None:
         acceleration = self.limits.acceleration
+        if self.kind == RUCKIG:
+            leg = least_jerky(q0, v0, q1, v1, self.speed, acceleration, self.limits.jerk, time)
+            if leg is None:
+                raise TtError(f"ruckig finds no leg of {time:g} s from {q0}, {v0} to {q1}, {v1}")
+            append(leg, self.now, self.knots, self.coefficients, self._pieces)
+            self.now += leg.duration
+            return
         _leg(self.now, time, q0, v0, q1, v1, self.speed, acceleration, self.kind, self.knots, self.coefficients, self._pieces)
         self.now += time
 
@@ -195,6 +221,7 @@ class _Path:
         still, waiting = np.zeros(7), self.model.waiting.copy()
         brake = softly * float(np.abs(qdot).max()) / self.limits.acceleration
         if brake > 0.0:
+            brake += self.limits.acceleration / self.limits.jerk if self.kind == RUCKIG else 0.0
             stop = q + 0.5 * brake * qdot
             self.leg(brake, q, qdot, stop, still)
             q = stop
@@ -202,7 +229,7 @@ class _Path:
         self.rest(waiting, 0.0)
 
     def hits(self) -> str | None:
-        """What is in the way: a joint's end, the table, the floor or the arm itself."""
+        """What is in the way: a joint's end, the table, the floor, the arm itself or the motors' torque."""
         low, high, _, _ = extremes(self.now, self.knots, self.coefficients)
         room = np.minimum(low - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - high)
         if room.min() < self.limits.margin:
@@ -211,6 +238,9 @@ class _Path:
         left, what = path_clearance(self.now, COARSE, braking, enough, self.knots, self.coefficients, self.model.chain)
         if left < enough:
             return f"the arm would come within {max(0.0, 1e3 * left):.0f} mm of {OBSTACLES[what]} on the way or braking there"
+        shares = torque_shares(self.model, self.now, 2.0 * COARSE, self.knots, self.coefficients)
+        if shares.max() > self.limits.torque_share:
+            return f"joint {self.model.names[int(shares.argmax())]} would need {shares.max():.2f} of its rated torque on the way"
         return None
 
 
@@ -222,6 +252,7 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
     """
     limits = limits or SwingLimits()
     strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
+    hardest = "ruckig" if limits.profile == "ruckig" else "polyline"
     path = _Path(model, limits, limits.profile)
     q0, v0 = np.array(start.q), np.clip(start.qdot, -path.speed, path.speed)
     start, moving = Joints(start.time, q0, v0), bool(np.abs(v0).max() > AT_REST)
@@ -236,9 +267,12 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
         elif moving and not path.holds(time, q0, v0, target.q, target.qdot):
             reason = "the arm moves too fast to arrive as late as that"
         else:
-            for hurry, softly, profile in ((limits.unhurried, SOFT, limits.profile), (1.0, SOFT, limits.profile), (1.0, 1.0, "trapezoid")):
+            for hurry, softly, profile in ((limits.unhurried, SOFT, limits.profile), (1.0, SOFT, limits.profile), (1.0, 1.0, hardest)):
                 path = _Path(model, limits, profile)
-                approach = time if moving else min(time, hurry * shortest)
+                approach = time if moving else path.longer(min(time, hurry * shortest), q0, v0, target.q, target.qdot)
+                if approach > time + SAME:
+                    reason = "the limits allow no way that arrives then"
+                    continue
                 if approach < time:
                     path.rest(q0, time - approach)
                 path.leg(approach, q0, v0, target.q, target.qdot)
@@ -246,7 +280,7 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
                 reason = path.hits()
                 if reason is None:
                     return Swing(start, strike_time, start.time + path.now, earliest, None, path.knots, path.coefficients)
-    for softly, profile in ((SOFT, limits.profile), (1.0, "trapezoid")):
+    for softly, profile in ((SOFT, limits.profile), (1.0, hardest)):
         path = _Path(model, limits, profile)
         path.home(q0, v0 if moving else np.zeros(7), softly)
         if path.hits() is None:

@@ -61,18 +61,18 @@ def drill(model: ArmModel, rackets: list[RacketState], plant_params: PlantParams
     """The arm with these candidates (s after the launch): planned, made tick by tick, and back to waiting."""
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)
-    joints, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set(), None, []
+    joints, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, []
     miss, tilt, end = np.nan, np.nan, LONGEST
     while joints.time < end:
         step = control.step(plant.measured(joints, rng))
-        guarded |= {step.reason} - {None}
+        guarded |= {step.reason} if step.reason else set()
         if choice is None and joints.time >= STROKES_AT:
             choice = control.take(rackets)
             end = joints.time + 0.2 if choice.swing is None else choice.swing.end_time + 0.1
         if choice is not None and choice.racket is not None and 0.0 <= choice.racket.time - joints.time < TICK:
             there = plant.racket(joints, step.command, choice.racket.time - joints.time)
             miss = float(np.linalg.norm(there.position - choice.racket.position))
-            tilt = float(np.arccos(min(1.0, there.rotation[:, 2] @ choice.racket.normal)))
+            tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ choice.racket.normal))))
         joints = plant.advance(joints, step.command, TICK)
         rows.append([*joints.q, *joints.qdot])
     record: Array = np.array(rows)
