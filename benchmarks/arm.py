@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 
 import numpy as np
+import pinocchio as pin
 from report import arguments, report
 from tt_arm.choice import ChoiceParams, choose
 from tt_arm.control import ArmControl, warm
 from tt_arm.model import ArmModel
-from tt_arm.reach import Reach, ReachParams, reach
+from tt_arm.reach import Reach, ReachParams, newton, reach
 from tt_arm.swing import Joints, Swing, SwingLimits, plan
 from tt_arm.torque import torque_shares
 from tt_core.states import RacketState
@@ -69,6 +70,21 @@ def timed(method: str, racket: RacketState, seed: np.ndarray) -> tuple[Reach, fl
     return found, 1e3 * (time.perf_counter() - start)
 
 
+def numpy_newton(racket: RacketState, seed: np.ndarray) -> tuple[np.ndarray | None, float]:
+    """(4.63) in numpy on pinocchio's Jacobian: q (7,) or None, and ms."""
+    start, q, data, frame = time.perf_counter(), seed.copy(), MODEL.pinocchio.createData(), MODEL.pinocchio.getFrameId("racket")
+    for _ in range(50):
+        jacobian = pin.computeFrameJacobian(MODEL.pinocchio, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        pin.updateFramePlacements(MODEL.pinocchio, data)
+        pose = data.oMf[frame]
+        across = pose.rotation[:, :2].T
+        error = np.append(racket.position - pose.translation, across @ np.cross(pose.rotation[:, 2], racket.normal))
+        if np.abs(error).max() < 1e-9:
+            return q, 1e3 * (time.perf_counter() - start)
+        q = q + np.linalg.pinv(np.vstack([jacobian[:3], across @ jacobian[3:]])) @ error
+    return None, 1e3 * (time.perf_counter() - start)
+
+
 def main() -> None:
     given = arguments("arm", 500)
     rng, metrics = np.random.default_rng(0), {}
@@ -80,6 +96,20 @@ def main() -> None:
         metrics[f"reachable rackets reached by {method}, %"] = 100.0 * np.mean([found.reason is None for found, _ in answers])
         metrics[f"time of {method}, median ms"] = float(np.median([ms for _, ms in answers]))
         metrics[f"time of {method}, 99 % ms"] = float(np.quantile([ms for _, ms in answers], 0.99))
+
+    answers = [numpy_newton(racket, MODEL.waiting) for racket in rackets[: min(500, given.runs)]]
+    inside = [q is not None and bool(np.all(np.abs(q) <= MODEL.position_limits[:, 1])) for q, _ in answers]
+    metrics["reachable rackets, (4.63) in numpy, in position limits, %"] = 100.0 * np.mean(inside)
+    metrics["time of (4.63) in numpy, median ms"] = float(np.median([ms for _, ms in answers]))
+    near = []
+    position, rotation = MODEL.racket(MODEL.waiting)
+    for _ in range(min(2000, given.runs)):
+        racket = RacketState.facing(1.0, position + rng.uniform(-0.05, 0.05, 3), rng.uniform(-0.5, 0.5, 3), rotation[:, 2])
+        start = time.perf_counter()
+        newton(racket.position.copy(), racket.normal.copy(), np.array(MODEL.waiting), MODEL.chain, 20, 1e-9)
+        near.append((time.perf_counter() - start, timed("near", racket, MODEL.waiting)[1]))
+    metrics["posture near waiting, median us"] = 1e6 * float(np.median([kernel for kernel, _ in near]))
+    metrics["posture and speeds near waiting, checked, median us"] = 1e3 * float(np.median([whole for _, whole in near]))
 
     printed = {name: RacketState(0.4, np.array(p), np.array(v), alpha, beta) for name, (p, v, alpha, beta) in PRINTED.items()}
     for name, racket in printed.items():
