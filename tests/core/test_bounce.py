@@ -41,6 +41,16 @@ def test_a_mirror_image_bounces_mirrored(table, v, w):
     assert np.concatenate([v2 * [1, -1, 1], w2 * [-1, 1, -1]]) == pytest.approx(np.concatenate([v1, w1]))
 
 
+@pytest.mark.parametrize("table", TABLES)
+@given(falling, spins, st.floats(-math.pi, math.pi))
+def test_the_table_is_the_same_in_every_direction(table, v, w, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    v1, w1 = table.after(v, w)
+    v2, w2 = table.after(turn @ v, turn @ w)
+    assert np.concatenate([v2, w2]) == pytest.approx(np.concatenate([turn @ v1, turn @ w1]), abs=1e-9)
+
+
 def test_slip_and_roll_meet():
     """nu_s of (3.13) is 0 where |slip| = 2.5 mu (1 + e) |v_z|."""
     liu = TableRebound.liu()

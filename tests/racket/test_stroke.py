@@ -80,7 +80,9 @@ def test_fewer_corrections_are_coarser():
         (BALL, ReturnGoal([1.0, 0.7], 0.6, 0, 0), "not on the opponent's half"),
         (BALL, ReturnGoal([2.0, 2.7], 0.6, 0, 0), "not on the opponent's half"),
         (BALL, ReturnGoal([2.0, 0.7], 0.6, 1900, 0), "times what the rubber gives"),
-        (BALL, ReturnGoal([2.0, 0.7], 0.2, 0, 0), "would hit the net"),
+        (BALL, ReturnGoal([2.0, 0.7], 0.2, 0, 0), "would hit the net, "),
+        (BallState(0.0, [-0.15, 1.8, 0.25], [-2.5, 0, 0.1], [0, 0, 0]), ReturnGoal([2.6, 1.5], 0.6, 0, 0), "sideways, "),
+        (BallState(0.0, [-0.15, 0.7, 0.25], [0, 0, 0], [0, 0, 0]), GOAL, "the ball does not come: v_x = 0"),
         (BALL, ReturnGoal([2.0, 0.7], 0.03, 0, 0), "no velocity leads to the goal"),
         (BallState(0.0, [-0.15, 0.7, 0.25], [2.5, 0, 0], [0, 0, 0]), GOAL, "the ball does not come: v_x = 2.5"),
         (BallState(0.0, [1.5, 0.7, 0.25], [-2.5, 0, 0], [0, 0, 0]), GOAL, "on the opponent's side"),
@@ -97,6 +99,27 @@ def test_a_return_clears_the_net():
     heights = [fly(stroke.ball_after.vector, t, Physics.liu().air.coefficients) for t in np.linspace(0, 0.6, 601)]
     over = min(heights, key=lambda s: abs(s[0] - 1.37))
     assert over[2] > NET_HEIGHT + 0.02
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: ReturnGoal([2.0, 0.7], 0.0, 0, 0), "flight_time = 0 is outside"),
+        (lambda: ReturnGoal([2.0, np.nan], 0.6, 0, 0), "landing"),
+        (lambda: ReturnGoal([2.0, 0.7], 0.6, np.inf, 0), "spin_y"),
+        (lambda: BallState(0.0, [0, 0, 0], [np.nan, 0, 0], [0, 0, 0]), "velocity"),
+    ],
+)
+def test_bad_input_names_itself(make, words):
+    with pytest.raises(TtError, match=words):
+        make()
+
+
+def test_what_is_missing_is_a_number():
+    fast, far = ReturnGoal([2.0, 0.7], 0.6, 1900, 0), ReturnGoal([1.0, 0.7], 0.6, 0, 0)
+    assert solve(BALL, fast, Physics.liu()).missing == pytest.approx(solve(BALL, fast, Physics.liu()).share - 1.0)
+    assert solve(BALL, far, Physics.liu()).missing == pytest.approx(0.37)  # m, to the net
+    assert solve(BALL, GOAL, Physics.liu()).missing == 0.0 < solve(BALL, GOAL, Physics.liu()).share < 1.0
 
 
 def test_an_unknown_method_names_itself():

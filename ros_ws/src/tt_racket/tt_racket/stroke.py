@@ -20,11 +20,11 @@ from tt_core.states import Array, BallState, RacketState, ReturnGoal
 
 from .impact import racket_for, spin_after
 
-TOLERANCE = 1e-9  # m, of the landing
+TOLERANCE = 1e-8  # m, of the landing
 FINE_STEP = 0.05  # s, of the flight to which the answer is exact: 1e-9 m off
-COARSE_STEP = 0.2  # s, of the flights that are corrected: 1e-6 m off
+COARSE_STEP = 0.3  # s, of the flights that are corrected: 1e-5 m off
 COARSE = 1e-3  # m, the miss from which it pays to know what they are off
-FINE = 1e-10  # m, the miss of the coarse flight to the place aimed off
+FINE = 2e-9  # m, the miss of the coarse flight to the place aimed off
 MOST_CORRECTIONS = 40
 FASTEST = 60.0  # m/s after the hit; past it the search has left the field
 SAME_INSTANT = 1e-6  # s, a contact this near the landing is the landing
@@ -222,7 +222,7 @@ def solve(
     ball: at the hit, flying to -x. method: "exact", the full model, from the "sam" start, or "sam", the simple one (4.48)-(4.58) alone.
     corrections: the most that "exact" makes; fewer give a coarser answer in less time. racket_speed: m/s, the most there is. The racket's
     face lies contact_height behind the ball's centre, and its normal points from it to the ball.
-    The landing is exact to 1e-9 m, to 1e-4 m where spin comes to lie along the flight, for h of (3.3) jumps there.
+    The landing is exact to 1e-8 m, to 1e-4 m where spin comes to lie along the flight, for h of (3.3) jumps there.
     A goal that cannot be met is a Stroke with a reason; raises TtError for an unknown method.
     """
     if method not in ("exact", "sam"):
