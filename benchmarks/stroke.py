@@ -17,6 +17,7 @@ from tt_core.flight import DRAG_UNIT, LIFT_UNIT, fly
 from tt_core.physics import Physics
 from tt_core.states import BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
+from tt_racket.baselines import fixed_pitch, specular
 from tt_racket.stroke import solve
 
 PHYSICS = Physics.liu()
@@ -71,7 +72,12 @@ def beside_solve_bvp() -> dict[str, float]:
         assert after is not None
         our_miss.append(off(ball, goal, after.vector[3:]))
         their_miss.append(off(ball, goal, by_solve_bvp(ball, goal)))
-    return {
+    others = {
+        "sam": [solve(*case, PHYSICS, method="sam").residual for case in cases],
+        "Acosta's": [specular(*case, PHYSICS).residual for case in cases],
+        "Yang's": [fixed_pitch(*case, PHYSICS).residual for case in cases],
+    }
+    return {f"landing error of {name}, median, m": float(np.median(values)) for name, values in others.items()} | {
         "landing error of solve, largest, m": max(our_miss),
         "landing error of solve_bvp at 1e-6, largest, m": max(their_miss),
         "time of solve, median, us": 1e6 * float(np.median(ours)),
