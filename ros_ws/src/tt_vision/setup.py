@@ -13,6 +13,7 @@ setup(
     extras_require={"test": ["pytest"]},
     entry_points={
         "console_scripts": [
+            "calibrate = tt_vision.calibrate:main",
             "camera_node = tt_vision.camera_node:main",
             "estimate_node = tt_vision.estimate_node:main",
         ],
