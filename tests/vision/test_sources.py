@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
+from tt_vision.devices import DeviceCounts, DeviceParams
 from tt_vision.sources import SourceError, SourceParams, calibrations, from_bag, from_devices, from_folder, from_videos, shots
 
 
@@ -83,6 +84,6 @@ def test_what_cannot_be_opened_says_so(tmp_path):
     with pytest.raises(SourceError, match="cannot open"):
         next(from_videos([str(tmp_path / "a.avi"), str(tmp_path / "b.avi")], 900.0))
     with pytest.raises(SourceError, match="devices are two numbers"):
-        next(from_devices(["left", "right"], float))
+        next(from_devices(["left", "right"], float, DeviceParams(), 900.0, DeviceCounts()))
     with pytest.raises(SourceError, match="kind = 'film' is none of"):
         SourceParams("film")

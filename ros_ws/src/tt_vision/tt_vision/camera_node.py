@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Generator
+from contextlib import closing
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +20,9 @@ from tt_core.ros.qos import LATCHED, SENSOR
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 
+from .devices import DeviceCounts, DeviceParams
 from .rig import high_speed_pair
-from .sources import SIDES, Calibration, Shot, SourceParams, calibrations, shots
+from .sources import SIDES, Calibration, Shot, SourceError, SourceParams, calibrations, shots
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class CameraNode(Node):
 
     def __init__(self) -> None:
         super().__init__("camera")
-        self.source, self.play = declare(self, SourceParams), declare(self, PlayParams)
+        self.source, self.play, self.device = declare(self, SourceParams), declare(self, PlayParams), declare(self, DeviceParams, "device.")
+        self.counts = DeviceCounts()
         self.calibrations = [
             Calibration(
                 camera.width,
@@ -57,16 +61,25 @@ class CameraNode(Node):
         self.status = Status(self)
         self.infos = [self.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in SIDES]
         self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in SIDES]
-        self.first = next(shots(self.source, self.now))  # what cannot be read ends the node here
-        self.publish_info(self.first.image.shape[1], self.first.image.shape[0])
+        with closing(self.shots()) as source:
+            first = next(source)  # what cannot be read ends the node here
+        self.size = first.image.shape
+        self.publish_info(self.size[1], self.size[0])
+        if self.source.kind == "device":
+            self.create_timer(1.0, lambda: self.status.tell("capturing", **asdict(self.counts)))
         threading.Thread(target=self.publish_all, daemon=True).start()
+
+    def shots(self) -> Generator[Shot, None, None]:
+        return shots(self.source, self.now, self.device, self.counts)
 
     def now(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
     def publish_info(self, width: int, height: int) -> None:
         for publisher, calibration, name in zip(self.infos, self.calibrations, SIDES, strict=True):
-            publisher.publish(camera_to_message(width, height, calibration.matrix, calibration.distortion, f"{name}_optical"))
+            matrix = calibration.matrix.copy()
+            matrix[:2, 2] -= self.device.region[:2]
+            publisher.publish(camera_to_message(width, height, matrix, calibration.distortion, f"{name}_optical"))
 
     def publish_all(self) -> None:
         """Until the end of the source, or of the node."""
@@ -87,7 +100,9 @@ class CameraNode(Node):
     def publish_once(self) -> int:
         count, start, shift = 0, time.monotonic(), 0.0
         first: Shot | None = None
-        for shot in shots(self.source, self.now):
+        for shot in self.shots():
+            if shot.image.shape != self.size:
+                raise SourceError(f"image of {SIDES[shot.side]} has shape {shot.image.shape}, the first one {self.size}")
             if first is None:
                 first, shift = shot, self.now() - shot.time if self.play.restamp else 0.0
             if self.play.speed and self.source.kind != "device":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from tt_core.errors import TtError, check_range
 
 from .centre import Image
+from .devices import DeviceCounts, DeviceParams, grabs
 
 SIDES = ("left", "right")
 KINDS = ("folder", "video", "bag", "device")
@@ -51,7 +52,7 @@ class SourceParams:
     kind: str = "folder"
     path: str = ""
     right: str = ""
-    frame_rate: float = 900.0  # 1/s, of videos
+    frame_rate: float = 900.0  # 1/s, of videos, and of devices to count the frames that they drop
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -59,18 +60,22 @@ class SourceParams:
         check_range("frame_rate", self.frame_rate, 0.1, 1e5)
 
 
-def shots(params: SourceParams, now: Callable[[], float]) -> Iterator[Shot]:
-    """now: s, the clock that stamps the images of devices. Raises SourceError at the first shot for what cannot be opened."""
+def shots(
+    params: SourceParams, now: Callable[[], float], device: DeviceParams | None = None, counts: DeviceCounts | None = None
+) -> Generator[Shot, None, None]:
+    """now: s, the clock that stamps the images of devices. device, counts: of
+    them. Raises SourceError at the first shot for what cannot be opened.
+    """
     if params.kind == "folder":
         return from_folder(Path(params.path))
     if params.kind == "video":
         return from_videos([params.path, params.right], params.frame_rate)
     if params.kind == "bag":
         return from_bag(Path(params.path))
-    return from_devices([params.path, params.right], now)
+    return from_devices([params.path, params.right], now, device or DeviceParams(), params.frame_rate, counts or DeviceCounts())
 
 
-def from_folder(path: Path) -> Iterator[Shot]:
+def from_folder(path: Path) -> Generator[Shot, None, None]:
     """Images named left_TIME.png or left/TIME.png, the same for right; TIME in nanoseconds when whole and long, else in seconds."""
     found = []
     for file in path.rglob("*"):
@@ -87,7 +92,7 @@ def from_folder(path: Path) -> Iterator[Shot]:
         yield Shot(side, time, _grey(image))
 
 
-def from_videos(paths: Sequence[str], frame_rate: float) -> Iterator[Shot]:
+def from_videos(paths: Sequence[str], frame_rate: float) -> Generator[Shot, None, None]:
     """Two videos that start together; frame k is at k / frame_rate, whatever the files say: players cannot show 900 frames a second."""
     with closing(_Captures(paths)) as captures:
         for k, images in enumerate(captures):
@@ -95,21 +100,21 @@ def from_videos(paths: Sequence[str], frame_rate: float) -> Iterator[Shot]:
                 yield Shot(side, k / frame_rate, image)
 
 
-def from_devices(numbers: Sequence[str], now: Callable[[], float]) -> Iterator[Shot]:
-    """Two cameras that the operating system knows, stamped when both have a frame; cameras with a trigger need a driver of their own."""
+def from_devices(
+    numbers: Sequence[str], now: Callable[[], float], params: DeviceParams, frame_rate: float, counts: DeviceCounts
+) -> Generator[Shot, None, None]:
+    """Two cameras that the operating system knows, stamped at the grab."""
     if not all(number.isdigit() for number in numbers):
         raise SourceError(f"devices are two numbers, got {list(numbers)}")
-    with closing(_Captures([int(number) for number in numbers])) as captures:
-        for images in captures:
-            time = now()
-            for side, image in enumerate(images):
-                yield Shot(side, time, image)
+    for time, images in grabs([int(number) for number in numbers], now, params, frame_rate, counts):
+        for side, image in enumerate(images):
+            yield Shot(side, time, _grey(image))
 
 
 class _Captures:
     """Frames of several captures taken together, until one ends."""
 
-    def __init__(self, sources: Sequence[str] | Sequence[int]) -> None:
+    def __init__(self, sources: Sequence[str]) -> None:
         self._captures = [cv2.VideoCapture(source) for source in sources]
         for source, capture in zip(sources, self._captures, strict=True):
             if not capture.isOpened():
@@ -125,7 +130,7 @@ class _Captures:
             capture.release()
 
 
-def from_bag(path: Path) -> Iterator[Shot]:
+def from_bag(path: Path) -> Generator[Shot, None, None]:
     """The images on /camera/{left,right}/image_raw of an MCAP file or of the directory of one, by their own stamps."""
     topics = [f"/camera/{side}/image_raw" for side in SIDES]
     count = 0
