@@ -93,3 +93,24 @@ def test_bad_values_name_themselves():
         BurstParams(frames=2)
     with pytest.raises(TtError, match="float64"):
         Assembler().add(0, 0.0, np.zeros((232, 232)))
+
+
+def test_more_frames_make_a_refined_burst(stream):
+    first, second = feed(Assembler(BurstParams(frames=4, refined=8)), stream)
+    assert (len(first.times), len(second.times)) == (4, 8)
+    assert (first.refined, second.refined) == (False, True)
+    assert (second.times[:4] == first.times).all()
+    assert len(feed(Assembler(BurstParams(frames=4, refined=8)), stream + moved(stream, 0.2))) == 4
+    assert len(feed(Assembler(BurstParams(frames=4, refined=10)), stream)) == 1  # nine came, and the ball did not leave
+
+
+def test_one_camera_alone_and_a_clock_that_is_behind(stream):
+    (burst,) = feed(Assembler(BurstParams(alone="right")), stream)
+    assert (burst.left == np.array([image for side, _, image in stream if side == 1][:6])).all()
+    behind = [(side, time - 0.5 * side, image) for side, time, image in stream]
+    (burst,) = feed(Assembler(BurstParams(clock_offset=0.5)), behind)
+    assert burst.times == pytest.approx([t for side, t, _ in stream[:12] if side == 0])
+    with pytest.raises(TtError, match="alone = 'both'"):
+        BurstParams(alone="both")
+    with pytest.raises(OutOfRange, match="refined"):
+        BurstParams(frames=6, refined=5)

@@ -6,12 +6,13 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.errors import TtError, check_range
 from tt_core.states import Array
 
 from .centre import Image, find_ball
 from .measure import LEAST_FRAMES, MOST_FRAMES
 
+SIDES = ("left", "right")
 WHOLE_AGAIN = 1.0  # s that stamps may jump back before it is taken as a new recording
 
 
@@ -20,22 +21,32 @@ class BurstParams:
     """How a burst is put together."""
 
     frames: int = 6  # pairs that make a burst; the dissertation uses 6
+    refined: int = 0  # pairs that make a second burst of the same ball, the first ones among them; 0: none
+    alone: str = ""  # "left" or "right": that camera's images alone make the bursts
+    clock_offset: float = 0.0  # s, by which the right camera's clock is behind the left one's
     gap: float = 0.05  # s without a ball after which the next one is new
     pairing: float = 2e-4  # s between the stamps of two images taken together; frames are 1.1e-3 s apart
 
     def __post_init__(self) -> None:
         check_range("frames", self.frames, LEAST_FRAMES, MOST_FRAMES)
+        if self.refined:
+            check_range("refined", self.refined, self.frames + 1, MOST_FRAMES)
+        if self.alone not in ("", *SIDES):
+            raise TtError(f"alone = {self.alone!r} is none of '', 'left', 'right'")
+        check_range("clock_offset", self.clock_offset, -10.0, 10.0)
         check_range("gap", self.gap, 1e-3, 10.0)
         check_range("pairing", self.pairing, 0.0, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
 class Burst:
-    """left, right: (k, h, w). times: (k,) s, rising."""
+    """left, right: (k, h, w), both the same of one camera alone. times: (k,) s, rising, of the left camera's clock. refined: whether the
+    same ball has had a shorter burst."""
 
     left: np.ndarray
     right: np.ndarray
     times: Array
+    refined: bool = False
 
 
 @dataclass
@@ -51,17 +62,22 @@ class Counts:
 
 @dataclass
 class Assembler:
-    """Takes images in any order; hands out a burst as soon as one is complete, or when its ball leaves with LEAST_FRAMES seen."""
+    """Takes images in any order; hands out a burst as soon as one is complete, or when its ball leaves with LEAST_FRAMES seen; and another
+    one, if wanted, with more frames of the same ball."""
 
     params: BurstParams = field(default_factory=BurstParams)
     counts: Counts = field(default_factory=Counts)
     _waiting: tuple[deque[tuple[float, Image | None]], ...] = field(default_factory=lambda: (deque(), deque()))
     _pairs: list[tuple[float, Image, Image]] = field(default_factory=list)
     _last: float = -np.inf  # newest stamp that showed a ball
-    _done: bool = False  # the present ball has had its burst
+    _given: int = 0  # bursts that the present ball has had
+    _used: int = 0  # pairs in the last of them
 
     def add(self, side: int, time: float, image: Image) -> Burst | None:
         """side: 0 left, 1 right. time: s, middle of the exposure. image: (h, w) uint8 or uint16. Raises TtError for another kind."""
+        if self.params.alone and SIDES[side] != self.params.alone:
+            return None
+        time += side * self.params.clock_offset
         reason = find_ball(image).reason
         leaving = reason is not None and reason.startswith("ball")
         if time < self._last - WHOLE_AGAIN:
@@ -80,6 +96,9 @@ class Assembler:
         ):
             self.counts.duplicate += 1
             return None
+        if self.params.alone:
+            seen = image if reason is None else None
+            return self._pair(0, time, seen, seen, leaving)
         for entry in other:
             if abs(entry[0] - time) <= self.params.pairing:
                 other.remove(entry)
@@ -93,22 +112,33 @@ class Assembler:
     def _pair(self, side: int, time: float, image: Image | None, partner: Image | None, leaving: bool) -> Burst | None:
         if image is None or partner is None:
             self.counts.not_whole += leaving or image is not partner
-            enough = len(self._pairs) >= LEAST_FRAMES and all(time > at for at, *_ in self._pairs)
-            return self._burst() if leaving and enough and not self._done else None
-        if self._done:
+            enough = len(self._pairs) >= max(LEAST_FRAMES, self._used + 1) and all(time > at for at, *_ in self._pairs)
+            return self._burst() if leaving and enough and self._wanted() else None
+        if not self._wanted():
             self.counts.spare += 1
             return None
         self._pairs.append((time, image, partner) if side == 0 else (time, partner, image))
-        return self._burst() if len(self._pairs) >= self.params.frames else None
+        return self._burst() if len(self._pairs) >= self._wanted() else None
+
+    def _wanted(self) -> int:
+        """Pairs in the next burst of this ball; 0: there is none."""
+        return (self.params.frames, self.params.refined, 0)[self._given]
 
     def _burst(self) -> Burst:
         self._pairs.sort(key=lambda pair: pair[0])
         times, left, right = zip(*self._pairs, strict=True)
-        self._pairs, self._done = [], True
-        return Burst(np.array(left), np.array(right), np.array(times))
+        self._given, self._used = self._given + 1, len(times)
+        if not self._wanted():
+            self._pairs, self._given = [], 2
+        return Burst(
+            np.array(left),
+            np.array(right),
+            np.array(times),
+            self._given == 2 and self.params.refined > 0 and self._used > self.params.frames,
+        )
 
     def _renew(self) -> None:
         for queue in self._waiting:
             self.counts.unpaired += sum(image is not None for _, image in queue)
             queue.clear()
-        self._pairs, self._done = [], False
+        self._pairs, self._given, self._used = [], 0, 0

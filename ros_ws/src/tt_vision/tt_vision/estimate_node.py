@@ -1,4 +1,4 @@
-"""Publishes where each ball is, how fast and with what spin, once, from the images of the two high speed cameras."""
+"""Publishes where each ball is, how fast and with what spin, from the images of the two high speed cameras, or of one."""
 
 from __future__ import annotations
 
@@ -18,23 +18,26 @@ from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 
-from .burst import Assembler, Burst, BurstParams
+from .burst import SIDES, Assembler, Burst, BurstParams
 from .camera import Camera
+from .light import Lamps
 from .measure import measure, warm
+from .registration import SearchParams
 from .rig import PIXEL_SIZE, high_speed_pair
-
-SIDES = ("left", "right")
 
 
 class EstimateNode(Node):
     """/camera/{left,right}/image_raw and camera_info -> /ball/measured.
 
-    The poses of the cameras are the parameters {left,right}.rotation (9 numbers, by rows) and {left,right}.translation (m), (2.3).
+    One ball for each flight, and with `refined` a second one from more frames. `fast` spends less on the spin. The poses of the cameras are
+    the parameters {left,right}.rotation (9 numbers, by rows) and {left,right}.translation (m), (2.3).
     """
 
     def __init__(self) -> None:
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
+        self.search = SearchParams.fast() if parameter(self, "fast", False) else SearchParams()
+        self.lamps = self._lamps()
         rig = high_speed_pair()
         self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
         self.cameras: list[Camera | None] = [None, None]
@@ -52,6 +55,16 @@ class EstimateNode(Node):
         if len(rotation) != 9 or len(translation) != 3:
             raise TtError(f"parameters {name}.rotation and {name}.translation need 9 and 3 numbers, got {rotation} and {translation}")
         return dataclasses.replace(camera, rotation=np.reshape(rotation, (3, 3)), translation=translation)
+
+    def _lamps(self) -> Lamps | None:
+        """Calibrated lamps: lamps.positions (3 numbers each, m in `table`), .strengths, .ambient; none by default."""
+        positions, strengths = parameter(self, "lamps.positions", [0.0]), parameter(self, "lamps.strengths", [0.0])
+        ambient = parameter(self, "lamps.ambient", 0.0)
+        if strengths == [0.0]:
+            return None
+        if len(positions) != 3 * len(strengths):
+            raise TtError(f"parameters lamps.positions and lamps.strengths hold {len(positions)} and {len(strengths)} numbers, not 3 to 1")
+        return Lamps(np.reshape(positions, (-1, 3)), np.array(strengths), ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
         try:
@@ -73,12 +86,15 @@ class EstimateNode(Node):
 
     def on_burst(self, burst: Burst) -> None:
         last = float(burst.times[-1])
-        cameras = [camera for camera in self.cameras if camera is not None]
-        if len(cameras) < len(SIDES):
+        alone = self.assembler.params.alone
+        wanted = [SIDES.index(alone)] if alone else [0, 1]
+        cameras = [camera for camera in (self.cameras[side] for side in wanted) if camera is not None]
+        if len(cameras) < len(wanted):
             self._refuse("no camera_info yet", last)
             return
         try:
-            result = measure(burst.left, burst.right, burst.times, cameras)
+            right = None if alone else burst.right
+            result = measure(burst.left, right, burst.times, cameras, lamps=self.lamps, search=self.search)
         except TtError as error:
             self._refuse(str(error), last)
             return
@@ -86,9 +102,16 @@ class EstimateNode(Node):
             self._refuse(result.reason or "", last, residual=f"{result.residual:.3f}")
             return
         self.balls.publish(ball_to_message(result.ball))
-        self.measured += 1
+        self.measured += not burst.refined
         spin_rpm = np.round(result.ball.spin / RPM).astype(int).tolist()
-        self.status.tell("measured", stamp=last, **self._counts(), spin_rpm=spin_rpm, residual=f"{result.residual:.3f}", frames=result.used)
+        self.status.tell(
+            "refined" if burst.refined else "measured",
+            stamp=last,
+            **self._counts(),
+            spin_rpm=spin_rpm,
+            residual=f"{result.residual:.3f}",
+            frames=result.used,
+        )
 
     def _refuse(self, reason: str, stamp: float, **values: Any) -> None:
         self.refused += 1

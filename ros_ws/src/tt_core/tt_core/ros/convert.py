@@ -185,6 +185,7 @@ def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
 
 
 _ENCODINGS: dict[str, np.dtype] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype("<u2")}
+_GREY = {"rgb8": (77, 150, 29), "bgr8": (29, 150, 77)}  # 256ths of each colour, ITU-R BT.601
 
 
 def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
@@ -203,13 +204,19 @@ def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
 
 
 def image_from_message(message: Image) -> np.ndarray:
-    """(h, w) uint8 or uint16, a view of the message's data."""
-    dtype = _ENCODINGS.get(message.encoding)
+    """(h, w) uint8 or uint16, a view of the message's data; colour becomes grey."""
+    shares = _GREY.get(message.encoding)
+    dtype = np.dtype(np.uint8) if shares else _ENCODINGS.get(message.encoding)
     if dtype is None:
-        raise BadMessage(f"encoding {message.encoding!r} is none of {', '.join(_ENCODINGS)}")
-    if message.step != message.width * dtype.itemsize or len(message.data) != message.step * message.height:
+        raise BadMessage(f"encoding {message.encoding!r} is none of {', '.join([*_ENCODINGS, *_GREY])}")
+    step = message.width * dtype.itemsize * (3 if shares else 1)
+    if message.step != step or len(message.data) != step * message.height:
         raise BadMessage(f"{len(message.data)} bytes of step {message.step} are no {message.width} x {message.height} {message.encoding}")
-    return np.frombuffer(message.data, dtype.newbyteorder(">") if message.is_bigendian else dtype).reshape(message.height, message.width)
+    values = np.frombuffer(message.data, dtype.newbyteorder(">") if message.is_bigendian else dtype)
+    if shares:
+        colours = values.reshape(message.height, message.width, 3).astype(np.uint16)
+        return ((colours @ np.array(shares, dtype=np.uint16)) >> 8).astype(np.uint8)
+    return values.reshape(message.height, message.width)
 
 
 def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array) -> JointState:
