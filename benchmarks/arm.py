@@ -86,7 +86,7 @@ def numpy_newton(racket: RacketState, seed: np.ndarray) -> tuple[np.ndarray | No
 
 
 def main() -> None:
-    given = arguments("arm", 500)
+    given = arguments("arm", 2000)
     rng, metrics = np.random.default_rng(0), {}
     warm(MODEL)
 
