@@ -156,7 +156,7 @@ def move(bench, probe, until, posture=AWAY, seconds=0.4):
 
 
 BOUND = 0.6  # s to rest: 0.16 s from the highest speed, 0.1 s until silence is noticed twice, the rest for a busy machine
-HOMEWARD = {  # ways home that lead through something; the floor only from a base that stands low
+HOMEWARD = {  # ways home that lead through something; the floor is out of reach from the pedestal, see tests/arm/test_guard.py
     "the table": (100, 70, -90, 10, 40, -80, 90),
     "itself": (-20, 80, -100, 130, 10, 90, -170),
 }
@@ -223,7 +223,6 @@ def until_told(bench, words, bound=10.0):
         ("speed limit.*, for", ["guard.speed_share:=0.2"]),
         ("acceleration limit.*, for", ["guard.acceleration:=3.0"]),
         ("the plan is", ["guard.stale_plan:=0.3"]),
-        ("from the floor", ["base:=[-0.8, 0.7625, -0.5, 0.0]"]),
         ("RuntimeError: a crash", []),
     ],
 )
@@ -232,7 +231,7 @@ def test_the_guard_stops_the_arm_for_what_its_limits_forbid(start, probe, until,
     arguments = [text for parameter in parameters for text in ("-p", parameter)]
     start("crashing_arm" if "crash" in words else "tt_arm.arm_node", "--ros-args", *arguments)
     bench.ready()
-    posture = np.radians((20, 70, -40, 100, -20, -60, 50)) if "floor" in words else AWAY
+    posture = AWAY
     move(bench, probe, until, posture, 0.0)
     until_told(bench, words)
     print({words: round(bench.rest(words, BOUND), 3)})
