@@ -21,6 +21,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
@@ -174,6 +175,10 @@ def main() -> None:
             links = {"/camera/left/image_raw": 2, "/camera/right/image_raw": 2, "/ball/measured": 3, "/ball/path": 2, "/racket/strokes": 2}
             wait(lambda: all(demo.count_subscribers(t) >= n for t, n in links.items()), demo, executor, READY, f"listeners on {links}")
             call(demo.enabler, SetBool.Request(data=True), demo, executor, "/arm/enable")
+            answered: list[Float64MultiArray] = []  # a command is the arm's answer to a joint state: both ways are open
+            listening = demo.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", answered.append, LATEST)
+            wait(lambda: bool(answered), demo, executor, READY, "a command of the arm")
+            demo.destroy_subscription(listening)
             print(HEADER, flush=True)
             scores = play(demo, executor, args.balls, args.rtf)
     except KeyboardInterrupt:
