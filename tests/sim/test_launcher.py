@@ -22,13 +22,11 @@ def test_shots_are_those_of_the_tables(kind, scale, v_x, v_z, spin):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("scale", [3, 4, 5])
-def test_every_shot_over_the_net_bounces_once_on_the_robots_half_and_comes_within_reach(kind, scale):
+def test_every_shot_bounces_once_on_the_robots_half_and_comes_within_reach(kind, scale):
     rng = np.random.default_rng(2)
     for _ in range(20):
         ball, orientation = launch(kind, scale, LauncherParams(), rng)
         path = rollout(ball, Physics.liu(), StopRule.at_x(-0.2))
-        if path.ended == "net":  # the tables' scatter, from this height: most of scale 5 with back spin
-            continue
         assert len(path.bounces) == 1 and 0.0 < path.bounces[0].position[0] < 1.37
         assert path.ended == "stop" and 0.25 < path.end.position[1] < 1.275 and 0.05 < path.end.position[2] < 0.6
         assert orientation @ orientation.T == pytest.approx(np.eye(3), abs=1e-12)
