@@ -1,53 +1,67 @@
-"""Whole rallies without ROS, images rendered: what is hit, what lands, how near to what was asked. scripts/bench rally --runs 1000"""
+"""Whole rallies without ROS: what is hit, what lands, how near to what was asked, how fast it is played. scripts/bench rally
+
+--runs balls each of the worlds `liu` and `real` with images rendered, and ten times as many of `liu` by the measurement's error model, in
+one process, whose memory is watched.
+"""
 
 from __future__ import annotations
 
+import functools
 import os
 import time
-from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
+import psutil
 from report import arguments, report
 from rich.console import Console
 from rich.progress import track
-from tt_core.constants import RPM
-from tt_core.physics import Physics
-from tt_sim.episode import Scenario, landing_error, play, spin_error
-from tt_sim.launcher import KINDS
+from tt_sim.episode import play
+from tt_sim.evaluate import percentiles, why
+from tt_sim.figures import figures
+from tt_sim.scenario import Scenario, load
 
-SCALES = (3, 4, 5)  # of the catapult, as in the dissertation's experiments
+SCENARIOS = ("liu", "real")
+WARM = 20  # balls of a process before it is timed; they load kernels and draw the marks of the balls
 
 
-def one(seed: int) -> tuple[str | None, list[float]]:
-    """Why it failed, and of a returned ball: landing m, time s, spin rad/s off what was asked; of every ball: measured spin off, rpm."""
-    episode = play(Scenario(KINDS[seed % len(KINDS)], SCALES[seed // len(KINDS) % len(SCALES)]), seed)
-    measured = spin_error(episode, Physics.liu())
-    row = [np.nan, np.nan, np.nan, np.nan if measured is None else measured / RPM]
-    hit, landing, goal = episode.outcome.hit, episode.outcome.landing, episode.goal
-    if episode.reason is None and hit and landing and goal:
-        spin_off = float(np.hypot(*(hit.after.spin[1:] - [goal.spin_y, goal.spin_z])))
-        row[:3] = [landing_error(episode) or 0.0, abs(landing.before.time - hit.before.time - goal.flight_time), spin_off]
-    reason = None if episode.reason is None else episode.reason.split(":")[0] if episode.outcome.hit is None else episode.reason
-    return reason, row
+def one(scenario: Scenario, seed: int) -> dict[str, float | str]:
+    return figures(play(scenario, seed))
+
+
+def rates(rows: list[dict[str, float | str]]) -> dict[str, float]:
+    column = {key: np.array([row[key] for row in rows]) for key in rows[0] if not isinstance(rows[0][key], str)}
+    metrics = {"hit_share": float(column["hit"].mean()), "landed_share": float(column["landed"].mean())}
+    for name in ("landing_error", "time_error", "return_spin_error", "measured_spin_error_rpm"):
+        metrics[f"{name}_median"], metrics[f"{name}_p95"] = percentiles(column[name])
+    return metrics
+
+
+def alone(scenario: Scenario, balls: int) -> tuple[float, float]:
+    """Balls a second in this one process, and by how many MB it grows over the last nine tenths of them."""
+    for seed in range(WARM):
+        play(scenario, seed)
+    process, start, before = psutil.Process(), time.perf_counter(), 0.0
+    for seed in track(range(balls), description=f"{scenario.name}, one process"):
+        figures(play(scenario, seed))
+        if seed == balls // 10:
+            before = process.memory_info().rss
+    return balls / (time.perf_counter() - start), (process.memory_info().rss - before) / 1e6
 
 
 def main() -> None:
-    args = arguments("rally", 240)
-    start = time.perf_counter()
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        done = list(track(pool.map(one, range(args.runs), chunksize=4), total=args.runs, description="balls"))
-    took = time.perf_counter() - start
-    rows = np.array([row for _, row in done])
-    reasons = Counter(reason for reason, _ in done if reason is not None)
-    returned = args.runs - sum(reasons.values())
-    missed = sum(count for reason, count in reasons.items() if reason not in ("net", "own half", "off the table", "second hit", "flying"))
-    metrics = {"hit_share": 1.0 - missed / args.runs, "landed_share": returned / args.runs}
-    for name, column in zip(("landing_error_m", "time_error_s", "spin_error_rad_s", "measured_spin_error_rpm"), rows.T, strict=True):
-        metrics |= {f"{name}_{label}": float(np.nanpercentile(column, p)) for label, p in (("median", 50), ("p95", 95), ("worst", 100))}
-    metrics["balls_per_second"] = args.runs / took
+    args = arguments("rally", 1000)
+    metrics, console = dict[str, float](), Console()
+    for name in SCENARIOS:
+        with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+            played = pool.map(functools.partial(one, load(name)), range(args.runs), chunksize=8)
+            rows = list(track(played, total=args.runs, description=name))
+        metrics |= {f"{name}_{key}": value for key, value in rates(rows).items()}
+        console.print(f"{name}, missed:", why([str(row["miss"]) for row in rows]) or "none")
+    metrics["images_balls_per_second_and_core"], _ = alone(load("liu"), max(20, args.runs // 10))
+    metrics["fast_balls_per_second_and_core"], metrics["fast_growth_mb"] = alone(load("liu", images=False), 10 * args.runs)
     report("rally", args.runs, metrics, args.json)
-    Console().print("not returned:", dict(reasons.most_common()) or "none")
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 
 import pytest
 from tt_core.errors import TtError
-from tt_core.physics import Physics
 from tt_core.states import ReturnGoal
 from tt_racket.intercept import InterceptParams
-from tt_sim.episode import Scenario, landing_error, play, spin_error
+from tt_sim.episode import landing_error, play, spin_error
+from tt_sim.scenario import Robot, Scenario
 
 
 @pytest.mark.parametrize(("kind", "scale"), [("top", 4), ("back", 3), ("left", 3)])
@@ -13,7 +13,7 @@ def test_balls_come_back(kind, scale):
     episode = play(Scenario(kind, scale), seed=1)
     assert episode.reason is None
     assert landing_error(episode) < 0.10  # m; 3 cm at most in 36 balls on the day
-    assert spin_error(episode, Physics.liu()) < 31.4  # rad/s, 300 rpm; 1.2 at most on the day
+    assert spin_error(episode) < 31.4  # rad/s, 300 rpm; 1.2 at most on the day
     assert episode.outcome.hit.after.spin[1:] == pytest.approx([episode.goal.spin_y, episode.goal.spin_z], abs=20.0)  # rad/s, as asked
 
 
@@ -33,10 +33,10 @@ def test_a_goal_is_asked_for():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"latency": 1.5}, "arm: no swing"),
-        ({"latency": 0.4}, "arm: 0: the strike is"),
-        ({"intercept": InterceptParams(z_low=2.0, z_high=3.0)}, "no stroke: the ball does not come within reach"),
-        ({"intercept": InterceptParams(racket_speed=0.1)}, "no stroke: racket speed"),
+        ({"robot": Robot(latency=1.5)}, "arm: no swing"),
+        ({"robot": Robot(latency=0.4)}, "arm: 0: the strike is"),
+        ({"robot": Robot(intercept=InterceptParams(z_low=2.0, z_high=3.0))}, "no stroke: the ball does not come within reach"),
+        ({"robot": Robot(intercept=InterceptParams(racket_speed=0.1))}, "no stroke: racket speed"),
     ],
 )
 def test_a_failure_has_its_reason(changes, reason):
@@ -49,4 +49,4 @@ def test_a_scenario_that_cannot_be_is_refused():
     with pytest.raises(TtError, match="kind 'lob' is none of"):
         Scenario("lob")
     with pytest.raises(TtError, match="latency = -1 is outside"):
-        Scenario(latency=-1.0)
+        Robot(latency=-1.0)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from tt_core.errors import OutOfRange, TtError
 from tt_core.physics import Physics
+from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
-from tt_sim.launcher import KINDS, LauncherParams, launch
+from tt_sim.launcher import KINDS, LANDING_X, LauncherParams, launch, row
 
 
 @pytest.mark.parametrize(
@@ -32,6 +33,26 @@ def test_every_shot_bounces_once_on_the_robots_half_and_comes_within_reach(kind,
         assert orientation @ orientation.T == pytest.approx(np.eye(3), abs=1e-12)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_scales_without_a_row_go_on_as_the_rows_do(kind):
+    rows = [row(kind, scale) for scale in range(1, 11)]
+    assert np.all(np.diff([r[0][0] for r in rows]) < 0.0) and np.all(np.diff([r[2][0] for r in rows]) > 0.0)  # faster, more spin
+    axis = launch(kind, 3, LauncherParams(axis_scatter=0.0), np.random.default_rng(1))[0].spin
+    for scale in (1, 2, 6, 7, 8, 9, 10):
+        (v_x, _), (v_z, _), (spin, _) = row(kind, scale)
+        ball = BallState(0.0, [LauncherParams.x, LauncherParams.y, LauncherParams.z], [v_x, 0, v_z], spin * axis / np.linalg.norm(axis))
+        path = rollout(ball, Physics.liu(), StopRule.at_landing())
+        if path.end.position[0] != pytest.approx(LANDING_X, abs=1e-6):  # then it only just clears the net: 1 mm/s lower it does not
+            lower = BallState(0.0, ball.position, ball.velocity - [0, 0, 1e-3], ball.spin)
+            assert path.end.position[0] < LANDING_X and rollout(lower, Physics.liu(), StopRule.at_landing()).ended == "net"
+
+
+def test_mixed_is_all_kinds():
+    rng = np.random.default_rng(3)
+    spins = np.array([launch("mixed", 4, LauncherParams(), rng)[0].spin for _ in range(60)])
+    assert {(int(np.argmax(np.abs(w))), bool(w[np.argmax(np.abs(w))] > 0)) for w in spins} == {(1, False), (1, True), (2, False), (2, True)}
+
+
 def test_a_seed_gives_its_ball_again():
     one, other = (launch("left", 4, LauncherParams(), np.random.default_rng(7)) for _ in range(2))
     assert one[0].vector == pytest.approx(other[0].vector, abs=0.0)
@@ -41,7 +62,9 @@ def test_a_seed_gives_its_ball_again():
 def test_bad_values_name_themselves():
     with pytest.raises(TtError, match="kind 'smash' is none of top, back, left, right"):
         launch("smash", 3, LauncherParams(), np.random.default_rng(0))
-    with pytest.raises(OutOfRange, match=r"scale = 9 is outside \[3, 5\]"):
-        launch("top", 9, LauncherParams(), np.random.default_rng(0))
+    with pytest.raises(OutOfRange, match=r"scale = 11 is outside \[1, 10\]"):
+        launch("top", 11, LauncherParams(), np.random.default_rng(0))
+    with pytest.raises(OutOfRange, match=r"rate = -3 is outside \[26, 94\]"):
+        LauncherParams(rate=-3)
     with pytest.raises(OutOfRange, match="z = 0 is outside"):
         LauncherParams(z=0.0)

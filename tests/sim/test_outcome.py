@@ -25,6 +25,10 @@ BOUNCE, HIT = contact("table", 0.5, 0.3), contact("racket", -0.2, 0.5)
         ([BOUNCE, HIT, contact("net", 1.37, 1.0)], "net"),
         ([BOUNCE, HIT, contact("floor", 3.5, 1.2)], "off the table"),
         ([BOUNCE, contact("floor", -1.0, 0.9)], "missed"),
+        ([BOUNCE, contact("table", 0.1, 0.4), HIT, contact("table", 2.0, 1.1)], "double bounce"),
+        ([BOUNCE, HIT, contact("net", 1.37, 1.0), contact("table", 1.5, 1.1)], "returned"),
+        ([BOUNCE, HIT, contact("net", 1.37, 1.0), contact("table", 1.2, 1.1)], "net"),
+        ([BOUNCE, HIT, contact("net", 1.37, 1.0), contact("floor", 1.2, 1.1)], "net"),
     ],
 )
 def test_results(contacts, result):

@@ -1,6 +1,7 @@
 """The simulated arm obeys its command as an ideal lag within limits does."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -60,6 +61,31 @@ def test_noise_is_measured_not_lived():
     measured = plant.measured(state, np.random.default_rng(1))
     assert 0.0 < np.abs(measured.q - state.q).max() < 5e-3  # 5 sigma
     assert 0.0 < np.abs(measured.qdot - state.qdot).max() < 5e-2
+
+
+def test_a_tick_without_enough_torque_is_what_the_motors_can():
+    """Forward dynamics with the torque at its limit; with twice the torque that it takes nothing changes."""
+    state = PLANT.advance(START, np.array([1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0]), TICK)
+    command = np.array([-1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
+    free = PLANT.advance(state, command, TICK)
+    needed = pin.rnea(MODEL.pinocchio, MODEL.pinocchio.createData(), state.q, state.qdot, (free.qdot - state.qdot) / TICK)
+    share = np.max(np.abs(needed) / MODEL.torque_limits)
+    strong, weak = Plant(MODEL, PlantParams(torque_share=2.0 * share)), Plant(MODEL, PlantParams(torque_share=0.5 * share))
+    assert strong.advance(state, command, TICK).qdot == pytest.approx(free.qdot, abs=0.0)
+    got = weak.advance(state, command, TICK)
+    used = pin.rnea(MODEL.pinocchio, MODEL.pinocchio.createData(), state.q, state.qdot, (got.qdot - state.qdot) / TICK)
+    assert np.max(np.abs(used) / MODEL.torque_limits) == pytest.approx(0.5 * share, rel=1e-6)
+
+
+def test_slow_drives_and_coarse_encoders():
+    plant = Plant(MODEL, PlantParams(speed_share=0.5, q_step=0.01))
+    state = START
+    for _ in range(100):
+        state = plant.advance(state, np.full(7, 100.0), TICK)
+    moving = state.q < MODEL.position_limits[:, 1] - 1e-9
+    assert state.qdot[moving] == pytest.approx(0.5 * MODEL.speed_limits[moving], rel=1e-3)
+    told = plant.measured(state, np.random.default_rng(0)).q / 0.01
+    assert told == pytest.approx(np.round(told), abs=1e-9) and np.abs(told * 0.01 - state.q).max() <= 0.005 + 1e-12
 
 
 def test_nonsense_is_refused():

@@ -4,6 +4,7 @@ setup(
     name="tt_sim",
     version="0.1.0",
     packages=find_packages(),
+    package_data={"tt_sim": ["*/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_sim"]),
         ("share/tt_sim", ["package.xml"]),
@@ -11,5 +12,13 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["sim_node = tt_sim.sim_node:main", "experiment = tt_sim.experiments.main:main"]},
+    entry_points={
+        "console_scripts": [
+            "sim_node = tt_sim.sim_node:main",
+            "experiment = tt_sim.experiments.main:main",
+            "sight = tt_sim.sight:main",
+            "sweep = tt_sim.sweep:main",
+            "evaluate = tt_sim.evaluate:main",
+        ]
+    },
 )

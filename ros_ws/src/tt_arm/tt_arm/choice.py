@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.errors import TtError, check_range
 from tt_core.states import RacketState
 
 from .model import ArmModel
@@ -20,10 +20,13 @@ class ChoiceParams:
 
     tries: int = 6  # candidates that are worked out, 3 ms each
     spare: float = 0.02  # s, that the strike should be later than the earliest possible; the first such candidate is taken at once
+    method: str = "best"  # of `reach`; "liu" for comparison
 
     def __post_init__(self) -> None:
         check_range("tries", self.tries, 1, 100)
         check_range("spare", self.spare, 0.0, 1.0)
+        if self.method not in ("best", "near", "liu"):
+            raise TtError(f"method {self.method!r} is none of best, near, liu")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +74,14 @@ def choose(
     best, most = Choice(None, None, None, None, ()), -np.inf
     for i, racket in enumerate(rackets[: params.tries]):
         left = min(10.0, max(0.05, racket.time - start.time - params.spare))
-        target = reach(model, racket, start.q, replace(reaching, swing_time=left, acceleration=limits.acceleration), qdot=start.qdot)
+        target = reach(
+            model,
+            racket,
+            start.q,
+            replace(reaching, swing_time=left, acceleration=limits.acceleration),
+            qdot=start.qdot,
+            method=params.method,
+        )
         swing = plan(model, start, target, racket.time, limits)
         spare = racket.time - swing.earliest
         if swing.reason is None and spare > most:

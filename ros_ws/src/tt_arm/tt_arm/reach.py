@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -243,7 +242,7 @@ def reach(
     params: ReachParams | None = None,
     *,
     qdot: Array | None = None,
-    method: Literal["best", "near", "liu"] = "best",
+    method: str = "best",
 ) -> Reach:
     """The posture and joint speeds that put the face centre, its normal and its velocity where `racket` wants them.
 

@@ -13,11 +13,12 @@ from tt_predict.rollout import StopRule, rollout
 from tt_predict.spread import spread
 from tt_racket.goal import GoalParams, answer
 from tt_racket.intercept import InterceptParams, intercept
+from tt_sim.episode import play
 from tt_sim.footage import footage
 from tt_sim.launcher import LauncherParams, launch
 from tt_sim.plant import Plant
 from tt_sim.render import Scene
-from tt_sim.world import RacketMotion, World
+from tt_sim.scenario import load
 from tt_vision.measure import warm as warm_vision
 from tt_vision.rig import high_speed_pair
 
@@ -32,10 +33,8 @@ def main() -> None:
     spread(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
     intercept(path, answer(ball.spin, GoalParams()), physics, InterceptParams())
-    racket = RacketMotion(np.array([-0.2, 0.7, 0.2]), np.eye(3), np.zeros(3))
-    world = World(physics)
-    world.ball = BallState(0.0, np.array([-0.2, 0.7, 0.25]), np.array([0.0, 0.0, -3.0]), np.zeros(3))
-    world.advance(0.02, racket, racket, 0.02)
+    for scenario in ("liu", "real"):
+        play(load(scenario, images=False), 0)
     for rebound in (physics.table, Physics.measured().table):
         rebound.after(np.array([-5.0, 0.0, -2.0]), ball.spin)
     arm = ArmModel.pa10()

@@ -125,13 +125,16 @@ class BallPath:
         i = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
         h = self.times[i] - self.times[i - 1] if i else 0.0
         if h == 0.0:
-            return BallState(time, self.positions[i], self.velocities[i], self.spins[i])
+            return BallState.trusted(time, self.positions[i], self.velocities[i], self.spins[i])
         s = (time - self.times[i - 1]) / h
         p0, p1, m0, m1 = self.positions[i - 1], self.positions[i], h * self.velocities[i - 1], h * self.velocities[i]
         a, b = 2.0 * (p0 - p1) + m0 + m1, 3.0 * (p1 - p0) - 2.0 * m0 - m1
         position = ((a * s + b) * s + m0) * s + p0
         velocity = ((3.0 * a * s + 2.0 * b) * s + m0) / h
-        return BallState(time, position, velocity, (1.0 - s) * self.spins[i - 1] + s * self.spins[i])
+        spin = (1.0 - s) * self.spins[i - 1] + s * self.spins[i]
+        for array in (position, velocity, spin):
+            array.flags.writeable = False
+        return BallState.trusted(time, position, velocity, spin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,68 +1,110 @@
-"""One ball from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed."""
+"""One ball from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
+
+With images the arm is played tick by tick under its guard. Without, `sight` says what is measured and `swift` plays the swing.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import functools
+from collections import Counter
+from dataclasses import dataclass, replace
 
 import numpy as np
-from tt_arm.choice import Choice
+from scipy.spatial.transform import Rotation
+from tt_arm.choice import Choice, ChoiceParams
 from tt_arm.control import ArmControl
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
-from tt_core.errors import TtError, check_range
+from tt_core.constants import TABLE_WIDTH
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
-from tt_racket.goal import GoalParams, answer
-from tt_racket.intercept import Candidates, InterceptParams, intercept
+from tt_racket.baselines import specular
+from tt_racket.goal import answer
+from tt_racket.intercept import Candidates, hit_points, intercept
+from tt_racket.stroke import Stroke, solve
 from tt_vision.burst import Assembler
+from tt_vision.camera import Camera
 from tt_vision.measure import Measurement, measure
-from tt_vision.rig import high_speed_pair
+from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
+from . import rallies
+from .faults import arrivals
 from .footage import footage
 from .hardware import Hardware
-from .launcher import KINDS, LauncherParams, launch
+from .launcher import launch
 from .outcome import Outcome
-from .plant import Plant, PlantParams
+from .plant import Plant
 from .render import Scene, Texture
+from .scenario import Robot, Scenario
+from .sight import Sight, last_frame
+from .swift import rally
 
 UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, simulated, after which a ball is given up
+TEXTURES = 20  # balls that are marked differently
 
 
-@dataclass(frozen=True)
-class Scenario:
-    """What is played. truth: the world's physics; believed: the robot's. goal: None answers the measured spin (`tt_racket.goal`).
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What is drawn before anything is played. cameras: where they really stand, for which the robot has them calibrated."""
 
-    latency: s from the middle of the last frame's exposure to the strokes at the arm. tick: s between two joint states.
-    """
+    scenario: Scenario
+    seed: int
+    kind: str
+    scale: int
+    ball: BallState
+    orientation: Array
+    physics: Physics
+    cameras: tuple[Camera, ...]
+    rng: np.random.Generator
 
-    kind: str = "top"
-    scale: int = 3
-    goal: ReturnGoal | None = None
-    truth: Physics = field(default_factory=Physics.liu)
-    believed: Physics = field(default_factory=Physics.liu)
-    launcher: LauncherParams = field(default_factory=LauncherParams)
-    plant: PlantParams = field(default_factory=PlantParams)
-    intercept: InterceptParams = field(default_factory=InterceptParams)
-    latency: float = 0.06
-    tick: float = 0.002
+    @classmethod
+    def drawn(cls, scenario: Scenario, seed: int) -> Trial:
+        """Raises TtError for shots that are not there."""
+        rng, cameras = np.random.default_rng(seed), _cameras()
+        kind, scale = scenario.shot(seed)
+        if scenario.shots == "catapult":
+            ball, orientation = launch(kind, scale, scenario.launcher, rng)
+        else:
+            known = rallies.shots() if scenario.shots == "rallies" else (scenario.ball,)
+            ball, kind, scale = known[rng.integers(len(known))] or BallState(0.0, *np.zeros((3, 3))), scenario.shots, 0
+            orientation = Rotation.random(rng=rng).as_matrix()
+            cameras = tuple(_aimed(camera, ball) for camera in cameras)  # type: ignore[assignment]
+        return cls(scenario, seed, kind, scale, ball, orientation, scenario.world.vary.draw(scenario.world.physics, rng), cameras, rng)
 
-    def __post_init__(self) -> None:
-        check_range("latency", self.latency, 0.0, 2.0)
-        check_range("tick", self.tick, 5e-4, 0.02)
-        if self.kind not in KINDS:
-            raise TtError(f"kind {self.kind!r} is none of {', '.join(KINDS)}")
+    def seen(self) -> tuple[Measurement | None, BallState | None]:
+        """What the cameras make of the rendered ball, and the ball measured. None when it does not make a burst, or is refused."""
+        scene, assembler = Scene(texture=_texture(self.seed % TEXTURES)), Assembler()
+        frames = footage(self.ball, self.orientation, self.cameras, scene, self.physics, self.rng)
+        for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
+            burst = assembler.add(side, stamp, image)
+            if burst is not None:
+                measurement = measure(burst.left, burst.right, burst.times, self.cameras)
+                return measurement, measurement.ball
+        return None, None
+
+    def guessed(self) -> BallState | None:
+        """What the cameras would make of it, by the error model of their world."""
+        world, time = self.scenario.world, last_frame(self.ball, self.cameras, self.physics)
+        sight = Sight.load(world.sight)
+        if time is None or self.rng.uniform() < sight.refused:
+            return None
+        true = fly(self.ball.vector, time - self.ball.time, self.physics.air.coefficients)
+        return sight.measured(BallState.from_vector(time + world.cameras.clock_offset, true), self.rng)
 
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """Everything that happened, as far as it came. joints: (n, 15) time s, q rad, qdot rad/s of every tick."""
+    """Everything that happened, as far as it came. measured: the ball as the robot has it, None when it has none. measurement: of images.
+    joints: (n, 15) time s, q rad, qdot rad/s of every tick."""
 
+    trial: Trial
     outcome: Outcome
     goal: ReturnGoal | None
     measurement: Measurement | None
+    measured: BallState | None
     path: BallPath | None
     candidates: Candidates | None
     choice: Choice | None
@@ -73,10 +115,8 @@ class Episode:
         """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
         if self.outcome.result == "returned":
             return None
-        if self.measurement is None:
-            return "not seen"
-        if self.measurement.ball is None:
-            return f"measurement refused: {self.measurement.reason}"
+        if self.measured is None:
+            return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
         if self.candidates is None or not self.candidates.strokes:
             refused = {reason for _, reason in self.candidates.refused} if self.candidates else set()
             return f"no stroke: {'; '.join(sorted(refused)) or 'the ball does not come within reach'}"
@@ -84,34 +124,124 @@ class Episode:
             return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
         return self.outcome.result
 
+    @property
+    def miss(self) -> str | None:
+        """The kind of failure, one of MISSES; None when the ball came back."""
+        reason = self.reason
+        if reason is None:
+            return None
+        if self.measured is None:
+            return "refused spin" if self.measurement and self.measurement.spin else "not seen"
+        if reason.startswith("no stroke"):
+            slow = Counter("racket speed" in why for _, why in self.candidates.refused) if self.candidates else Counter()
+            return "racket too slow" if slow[True] > slow[False] else "out of reach"
+        if reason.startswith("arm"):
+            reasons = self.choice.reasons if self.choice else ()
+            if not reasons or any("too soon" in why or "only" in why for why in reasons):
+                return "too late"
+            return "racket too slow" if any("speed limits" in why or "torque" in why for why in reasons) else "out of reach"
+        return {"own half": "short", "off the table": self._beyond()}.get(reason, reason)
 
-def _see(scenario: Scenario, ball: BallState, orientation: Array, rng: np.random.Generator, seed: int) -> Measurement | None:
-    cameras, assembler = high_speed_pair(), Assembler()
-    for frame in footage(ball, orientation, cameras, Scene(texture=Texture.drawn(seed)), scenario.truth, rng):
-        for side, image in enumerate(frame.images):
-            burst = assembler.add(side, frame.time, image)
-            if burst is not None:
-                return measure(burst.left, burst.right, burst.times, cameras)
-    return None
+    def _beyond(self) -> str:
+        """Long or wide: where a ball that went past the table came down to its height."""
+        landing = self.outcome.landing
+        if landing is None:
+            return "long"
+        row, air = landing.before.vector, self.trial.physics.air.coefficients
+        while row[2] < self.trial.physics.contact_height and row[5] < 0.0:
+            row = fly(row, -0.002, air)
+        return "long" if 0.0 <= row[1] <= TABLE_WIDTH else "wide"
+
+
+MISSES = (
+    "not seen", "refused spin", "out of reach", "too late", "racket too slow",
+    "missed", "net", "long", "wide", "short", "double bounce", "second hit", "flying",
+)  # fmt: skip
+
+
+@functools.cache
+def _cameras() -> tuple[Camera, Camera]:
+    return high_speed_pair()
+
+
+@functools.cache
+def _texture(seed: int) -> Texture:
+    return Texture.drawn(seed)
+
+
+@functools.cache
+def _arm() -> ArmModel:
+    return ArmModel.pa10()
+
+
+def _aimed(camera: Camera, ball: BallState) -> Camera:
+    """Moved along to where the ball is after the first frames, as cameras that follow the opponent's racket would be."""
+    shift = ball.position + 0.008 * ball.velocity - VIEW_CENTRE
+    return replace(camera, translation=camera.translation - camera.rotation @ shift)
+
+
+def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
+    """The strokes of that robot: `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
+    if robot.stroke == "exact":
+        return intercept(path, goal, robot.physics, robot.intercept)
+    found, refused = list[Stroke](), []
+    for ball in hit_points(path, robot.intercept):
+        if robot.stroke == "sam":
+            stroke = solve(ball, goal, robot.physics, method="sam", racket_speed=robot.intercept.racket_speed)
+        else:
+            stroke = specular(ball, goal, robot.physics)
+        if stroke.racket is None:
+            refused.append((ball, stroke.reason or ""))
+        elif np.linalg.norm(stroke.racket.velocity) > robot.intercept.racket_speed:
+            refused.append((ball, f"racket speed is over {robot.intercept.racket_speed:g} m/s"))
+        else:
+            found.append(stroke)
+    found.sort(key=lambda stroke: float(np.linalg.norm(stroke.racket.velocity)) if stroke.racket else 0.0)
+    return Candidates(tuple(found), tuple(refused))
 
 
 def play(scenario: Scenario, seed: int) -> Episode:
     """The whole rally of one ball. Raises TtError for a scenario that cannot be played."""
-    rng = np.random.default_rng(seed)
-    ball, orientation = launch(scenario.kind, scenario.scale, scenario.launcher, rng)
-    goal, path, candidates, choice, strokes_due = None, None, None, None, np.inf
-    measurement = _see(scenario, ball, orientation, rng, seed)
-    if measurement is not None and measurement.ball is not None:
-        path = rollout(measurement.ball, scenario.believed, StopRule.at_x(UNTIL_X))
-        goal = scenario.goal or answer(measurement.ball.spin, GoalParams())
-        candidates = intercept(path, goal, scenario.believed, scenario.intercept)
-        strokes_due = measurement.ball.time + scenario.latency
-
-    model = ArmModel.pa10()
-    control = ArmControl(model)
+    trial = Trial.drawn(scenario, seed)
+    robot, world = scenario.robot, scenario.world
+    goal, path, candidates, due = None, None, None, np.inf
+    measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
+    if measured is not None:
+        believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
+        path = rollout(believed, robot.physics, StopRule.at_x(UNTIL_X))
+        goal = scenario.goal or answer(measured.spin, robot.answer)
+        candidates = answered(path, goal, robot)
+        due = measured.time - world.cameras.clock_offset + world.cameras.latency + robot.latency
+    control = ArmControl(_arm(), choosing=ChoiceParams(method=robot.reach))
     control.enable(True)
-    hardware = Hardware(scenario.truth, Plant(model, scenario.plant), Joints(-scenario.tick, model.waiting, np.zeros(7)), scenario.tick)
-    hardware.launch(ball)
+    plant = Plant(_arm(), world.plant)
+    done = None if scenario.images else _swiftly(trial, control, plant, candidates, due)
+    outcome, choice, joints = done or _tick_by_tick(trial, control, plant, candidates, due)
+    return Episode(trial, outcome, goal, measurement, measured, path, candidates, choice, joints)
+
+
+Played = tuple[Outcome, "Choice | None", Array]
+
+
+def _swiftly(trial: Trial, control: ArmControl, plant: Plant, candidates: Candidates | None, due: float) -> Played | None:
+    """None when the ticks must be played."""
+    tick, choice, time = trial.scenario.tick, None, 0.0
+    if candidates is not None and due < LONGEST:
+        time = tick * np.ceil(due / tick)
+        control.step(plant.measured(Joints(time, control.model.waiting, np.zeros(7)), trial.rng))
+        choice = control.take([s.racket for s in candidates.strokes if s.racket])
+    swing = choice.swing if choice is not None and choice.index is not None else None
+    done = rally(trial.ball, swing, time, trial.physics, plant, tick, LONGEST, trial.rng)
+    if done is None:
+        control.enable(True)
+        return None
+    return Outcome(trial.ball, done[0]), choice, done[1]
+
+
+def _tick_by_tick(trial: Trial, control: ArmControl, plant: Plant, candidates: Candidates | None, due: float) -> Played:
+    tick_time, model, choice = trial.scenario.tick, control.model, None
+    hardware = Hardware(trial.physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
+    hardware.launch(trial.ball)
     command, record = np.zeros(7), []
     while hardware.joints.time < LONGEST:
         tick = hardware.advance(command)
@@ -119,10 +249,10 @@ def play(scenario: Scenario, seed: int) -> Episode:
         record.append([now, *tick.joints.q, *tick.joints.qdot])
         if tick.over:
             break
-        command = control.step(hardware.plant.measured(tick.joints, rng)).command
-        if candidates is not None and now >= strokes_due:
-            choice, strokes_due = control.take([s.racket for s in candidates.strokes if s.racket]), np.inf
-    return Episode(hardware.outcome or Outcome(ball), goal, measurement, path, candidates, choice, np.array(record))
+        command = control.step(plant.measured(tick.joints, trial.rng)).command
+        if candidates is not None and now >= due:
+            choice, due = control.take([s.racket for s in candidates.strokes if s.racket]), np.inf
+    return hardware.outcome or Outcome(trial.ball), choice, np.array(record)
 
 
 def landing_error(episode: Episode) -> float | None:
@@ -133,9 +263,9 @@ def landing_error(episode: Episode) -> float | None:
     return float(np.hypot(*(landing.before.position[:2] - goal.landing)))
 
 
-def spin_error(episode: Episode, physics: Physics) -> float | None:
+def spin_error(episode: Episode) -> float | None:
     """rad/s, of the measured spin vector against the true one at the same instant; None without a measurement."""
-    if episode.measurement is None or episode.measurement.ball is None:
+    if episode.measured is None:
         return None
-    launched, ball = episode.outcome.launched, episode.measurement.ball
-    return float(np.linalg.norm(fly(launched.vector, ball.time - launched.time, physics.air.coefficients)[6:] - ball.spin))
+    trial, time = episode.trial, episode.measured.time - episode.trial.scenario.world.cameras.clock_offset
+    return float(np.linalg.norm(fly(trial.ball.vector, time - trial.ball.time, trial.physics.air.coefficients)[6:] - episode.measured.spin))

@@ -47,7 +47,7 @@ class Hardware:
             self._world.ball, self._next = self._next, None
         if self.outcome is None or self._world.ball is None:
             return Tick(self.joints, self._racket, [], None, False)
-        contacts = self._world.advance(now, before, self._racket, self.tick)
+        contacts = self._world.advance(now, (before, self._racket), self.tick)
         self.outcome.contacts += contacts
         ball, over = self._world.ball, self.outcome.over(self._world.ball, now)
         if over:

@@ -1,16 +1,27 @@
-"""The catapult machine at the opponent's end (dissertation Section 2.5.2, Tables 3.1 and 3.3)."""
+"""The catapult machine at the opponent's end (dissertation Section 2.5.2, Tables 3.1 and 3.3).
+
+The tables have scales 3 to 5. For the others speed and spin go on along a straight line, the scatter is that of the nearest row, and the
+head is raised as an operator would: so that the mean ball comes down at LANDING_X. Those rows are extrapolated, not measured.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from tt_core.errors import OutOfRange, TtError, check_range
+from tt_core.errors import TtError, check_range
+from tt_core.physics import Physics
 from tt_core.states import Array, BallState
+from tt_predict.rollout import StopRule, rollout
 
 KINDS = ("top", "back", "left", "right")
+MIXED = "mixed"  # one of KINDS at random
+SCALES = (1, 10)  # least and most
+RATES = (26.0, 94.0)  # balls a minute, least and most of the machine
+LANDING_X = 0.5  # m, where the mean ball of an extrapolated scale lands
 
 # kind -> scale -> v_x, v_z (m/s) and spin (rad/s), each with its scatter: Tables 3.1 and 3.3.
 # Side spin is not printed: about the mean of both.
@@ -45,6 +56,7 @@ class LauncherParams:
     axis_scatter: float = 0.05  # rad, of the spin's axis; Tables 2.1 to 2.3 show about 0.1
     yaw_scatter: float = 0.01  # rad
     place_scatter: float = 0.002  # m
+    rate: float = 0.0  # balls a minute; 0: only when asked
 
     def __post_init__(self) -> None:
         check_range("x", self.x, 1.5, 5.0)
@@ -52,19 +64,46 @@ class LauncherParams:
         check_range("z", self.z, 0.05, 1.5)
         for name in ("axis_scatter", "yaw_scatter", "place_scatter"):
             check_range(name, getattr(self, name), 0.0, 0.5)
+        if self.rate:
+            check_range("rate", self.rate, *RATES)
+
+
+Row = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+@functools.cache
+def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
+    """Mean and scatter of v_x, v_z (m/s) and spin (rad/s); height: m, of the head, for the scales that the tables do not have.
+
+    Raises TtError for a kind that is none of KINDS, OutOfRange for a scale outside SCALES.
+    """
+    if kind not in KINDS:
+        raise TtError(f"kind {kind!r} is none of {', '.join(KINDS)}")
+    if scale != int(check_range("scale", scale, *SCALES)):
+        raise TtError(f"scale = {scale} is not a whole number")
+    rows = _TABLE.get(kind, _TABLE["side"])
+    if scale in rows:
+        return rows[scale]
+    nearest = rows[min(rows, key=lambda known: abs(known - scale))]
+    v_x, spin = (float(np.polyval(np.polyfit(list(rows), [r[k][0] for r in rows.values()], 1), scale)) for k in (0, 2))
+    low, high = -5.0, 6.0  # m/s, raised until the ball lands there; further up it lands further on
+    for _ in range(40):
+        v_z = 0.5 * (low + high)
+        place, velocity = np.array([LauncherParams.x, LauncherParams.y, height]), np.array([v_x, 0.0, v_z])
+        ball = BallState(0.0, place, velocity, spin * np.array(_AXES[kind]))
+        path = rollout(ball, Physics.liu(), StopRule.at_landing())
+        low, high = (v_z, high) if path.end.position[0] > LANDING_X else (low, v_z)
+    return (v_x, nearest[0][1]), (high, nearest[1][1]), (spin, nearest[2][1])
 
 
 def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generator) -> tuple[BallState, Array]:
     """A ball at time 0 and its orientation (3, 3), ball to table, at random.
 
-    Raises TtError for a kind that is none of KINDS, OutOfRange for a scale without a row.
+    Raises TtError for a kind that is none of KINDS or MIXED, OutOfRange for a scale outside SCALES.
     """
-    if kind not in KINDS:
-        raise TtError(f"kind {kind!r} is none of {', '.join(KINDS)}")
-    rows = _TABLE.get(kind, _TABLE["side"])
-    if scale not in rows:
-        raise OutOfRange("scale", scale, min(rows), max(rows))
-    v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in rows[scale])
+    if kind == MIXED:
+        kind = KINDS[rng.integers(len(KINDS))]
+    v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in row(kind, scale, params.z))
     yaw = rng.normal({"left": params.side_yaw, "right": -params.side_yaw}.get(kind, 0.0), params.yaw_scatter)
     velocity = np.array([v_x * math.cos(yaw), v_x * math.sin(yaw), v_z])
     tilt = Rotation.from_rotvec(rng.normal(0.0, params.axis_scatter, 3))

@@ -28,23 +28,29 @@ class Outcome:
         return next((c for c in self.contacts if c.surface == "racket"), None)
 
     @property
+    def _returning(self) -> list[Contact]:
+        """After the hit."""
+        return [] if self.hit is None else self.contacts[self.contacts.index(self.hit) + 1 :]
+
+    @property
     def landing(self) -> Contact | None:
-        """What the ball met first after the hit."""
-        if self.hit is None:
-            return None
-        later = self.contacts[self.contacts.index(self.hit) + 1 :]
-        return later[0] if later else None
+        """What the ball met first after the hit; a net that it got over does not count."""
+        return next((c for c in self._returning if c.surface != "net"), None)
 
     @property
     def result(self) -> str:
         """What it is as far as the contacts go: missed until hit, then flying until it meets something."""
         if self.hit is None:
             return "missed"
-        if self.landing is None:
-            return "flying"
-        if self.landing.surface == "table":
-            return "returned" if self.landing.before.position[0] > NET_X else "own half"
-        return {"net": "net", "racket": "second hit"}.get(self.landing.surface, "off the table")
+        before = self.contacts[: self.contacts.index(self.hit)]
+        if sum(c.surface == "table" and c.before.position[0] < NET_X for c in before) > 1:
+            return "double bounce"
+        landing, net = self.landing, any(c.surface == "net" for c in self._returning)
+        if landing is not None and landing.surface == "table" and landing.before.position[0] > NET_X:
+            return "returned"
+        if landing is None or net:
+            return "net" if net else "flying"
+        return {"table": "own half", "racket": "second hit"}.get(landing.surface, "off the table")
 
     def told(self) -> dict[str, Any]:
         """All of it as text, balls as JSON lists [time, position, velocity, spin], null for what did not happen."""

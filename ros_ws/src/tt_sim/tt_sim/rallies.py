@@ -1,0 +1,57 @@
+"""Balls as opponents really play them, from the recorded states of data/deepmind (CC-BY 4.0, (c) 2025 Google LLC)."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from tt_core.constants import TABLE_LENGTH, TABLE_WIDTH
+from tt_core.errors import TtError
+from tt_core.physics import Physics
+from tt_core.states import BallState
+from tt_predict.rollout import StopRule, rollout
+from tt_racket.intercept import InterceptParams, hit_points
+
+SOONEST = 0.35  # s from the shot until the ball may be hit: frames, thought and the shortest swing
+
+
+def load(file: Path) -> list[BallState]:
+    """All shots of a file at time 0, each turned so that it flies to -x.
+
+    The file has its origin at the middle of the table's surface, x across, y along, z up: x = 1.37 + Y, y = 0.7625 - X in `table`; shots
+    the other way are turned half round. Raises TtError for a file that cannot be read.
+    """
+    try:
+        rows = json.loads(file.read_text())
+        table = np.array([[row[k] for k in _KEYS] for row in rows], dtype=float)
+    except (OSError, ValueError, KeyError) as error:
+        raise TtError(f"{file} holds no shots: {error}") from error
+    x, y, z = table.reshape(-1, 3, 3).transpose(2, 0, 1)
+    states = np.stack([y, -x, z], axis=-1)  # (n, 3 of position, velocity, spin, 3)
+    states[states[:, 1, 0] > 0.0, :, :2] *= -1.0
+    states[:, 0] += [TABLE_LENGTH / 2, TABLE_WIDTH / 2, 0.0]
+    return [BallState(0.0, *state) for state in states]
+
+
+_KEYS = [f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"]
+
+
+def within_reach(ball: BallState, physics: Physics) -> bool:
+    """Whether an arm on a base could be asked to return it: it bounces once, on the robot's half, and comes through the window in which
+    strokes are looked for, not sooner than SOONEST."""
+    path = rollout(ball, physics, StopRule.at_x(-0.5))
+    points = hit_points(path, InterceptParams())
+    return bool(points) and path.bounces[0].position[0] < TABLE_LENGTH / 2 and points[-1].time >= SOONEST
+
+
+@functools.cache
+def shots() -> tuple[BallState, ...]:
+    """Those within reach of data/deepmind/rallies.json. Raises TtError without the folder TT_DATA_DIR."""
+    folder = os.environ.get("TT_DATA_DIR")
+    if not folder:
+        raise TtError("TT_DATA_DIR names no folder with deepmind/rallies.json")
+    physics = Physics.measured()
+    return tuple(ball for ball in load(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics))

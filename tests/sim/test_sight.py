@@ -1,0 +1,57 @@
+"""The measurement's error model says what rendered balls say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from tt_sim.episode import Trial
+from tt_sim.launcher import SCALES
+from tt_sim.scenario import load, names
+from tt_sim.sight import Sight, errors_seen, last_frame
+
+BALLS = 48  # new ones: the models were fitted to balls 0 to 499
+
+
+@pytest.mark.parametrize("name", ["liu", "real"])
+def test_the_model_agrees_with_images(name):
+    scenario = replace(load(name), scale=tuple(range(SCALES[0], SCALES[1] + 1)))
+    sight, rows = Sight.load(scenario.world.sight), []
+    for seed in range(1000, 1000 + BALLS):
+        passes, row = errors_seen(scenario, seed)
+        if row is not None:
+            trial = Trial.drawn(scenario, seed)
+            rows.append(row[:9] / sight.sigmas(trial.ball))
+        else:
+            assert not passes or sight.refused > 0.0
+    assert len(rows) > 0.7 * BALLS
+    # the mean square over n balls of one normal error is 1 within 5 sqrt(2 / n); heavier tails and few balls: a factor of two
+    squares = np.mean(np.square(rows), axis=0)
+    assert np.all((squares > 0.4) & (squares < 2.2)), squares
+
+
+def test_a_burst_ends_when_the_images_say():
+    for seed in range(4):
+        trial = Trial.drawn(load("liu"), seed)
+        expected = last_frame(trial.ball, trial.cameras, trial.physics)
+        assert trial.seen()[1].time == pytest.approx(expected, abs=1.2 / 900)  # a frame more or less at the image's border
+
+
+def test_a_fit_finds_the_errors_it_is_given(tmp_path):
+    rng = np.random.default_rng(0)
+    n, parts = 4000, np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0], *[[1.0, 1.0, 1.0]] * 6])
+    speeds, spins = rng.uniform(2, 14, n), rng.uniform(0, 900, n)
+    variances = np.column_stack([np.ones(n), (spins / 300) ** 2, (speeds / 5) ** 2]) @ parts.T
+    sight = Sight.fitted(rng.standard_normal((n, 9)) * np.sqrt(variances), speeds, spins, 0.0)
+    found = np.column_stack([sight.base, sight.by_spin, sight.by_speed])
+    assert found @ [1.0, 1.0, 1.0] == pytest.approx(parts @ [1.0, 1.0, 1.0], rel=0.12)  # 5 sqrt(2 / 4000)
+    sight.save(tmp_path / "s.yaml", "found")
+    saved = yaml.safe_load((tmp_path / "s.yaml").read_text())
+    assert saved["variances"]["velocity_x"] == pytest.approx(found[3], rel=1e-3)
+
+
+def test_every_model_here_is_a_covariance():
+    for name in names("sights"):
+        sight = Sight.load(name)
+        assert np.linalg.eigvalsh(sight.correlation).min() > -1e-2  # rounded to three digits
+        assert 0.0 <= sight.refused < 0.1
