@@ -34,10 +34,24 @@ def test_a_ball_onto_the_waiting_racket_is_a_hit_and_is_over_once():
     machine.launch(BallState(10.0, start, -6.0 * rotation[:, 2], [0, 0, 0]))
     ticks = [machine.advance(np.zeros(7)) for _ in range(1500)]
     assert machine.outcome.hit is not None and machine.outcome.contacts[0].surface == "racket"
-    assert sum(tick.over for tick in ticks) == 1
+    assert [outcome for tick in ticks for outcome in tick.ended] == [machine.outcome]
     assert ticks[-1].ball is None
     told = machine.outcome.told()
     assert told["result"] == machine.outcome.result and told["hit"].startswith("[10.0")
+
+
+def test_balls_in_flight_together_each_have_their_outcome():
+    machine = hardware()
+    first, second = (BallState(10.0 + t, [2.6, 0.76, 0.4], [-5.0, 0, 1.0], [0, -300, 0]) for t in (0.001, 0.401))
+    machine.launch(first)
+    ticks = [machine.advance(np.zeros(7)) for _ in range(200)]
+    machine.launch(second)
+    ticks += [machine.advance(np.zeros(7)) for _ in range(1500)]
+    ended = [outcome for tick in ticks for outcome in tick.ended]
+    assert [outcome.launched.time for outcome in ended] == [first.time, second.time]
+    one, other = (outcome.contacts[0] for outcome in ended)
+    assert other.before.time - one.before.time == pytest.approx(0.4, abs=1e-9)
+    assert other.before.vector == pytest.approx(one.before.vector, abs=1e-9)
 
 
 def test_commands_move_the_joints():

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from tt_arm.choice import Choice, ChoiceParams
 from tt_arm.control import ArmControl
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
+from tt_arm.swing import Joints, Swing, plan
 from tt_core.constants import TABLE_WIDTH
 from tt_core.flight import fly
 from tt_core.physics import Physics
@@ -174,6 +174,12 @@ def _arm() -> ArmModel:
     return ArmModel.pa10()
 
 
+@functools.cache
+def _rest() -> Swing:
+    """What the arm follows while it waits, from 0 s on."""
+    return plan(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
+
+
 def _aimed(camera: Camera, ball: BallState) -> Camera:
     """Moved along to where the ball is after the first frames, as cameras that follow the opponent's racket would be."""
     shift = ball.position + 0.008 * ball.velocity - VIEW_CENTRE
@@ -228,7 +234,8 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, candidates: Candid
     tick, choice, time = trial.scenario.tick, None, 0.0
     if candidates is not None and due < LONGEST:
         time = tick * np.ceil(due / tick)
-        control.step(plant.measured(Joints(time, control.model.waiting, np.zeros(7)), trial.rng))
+        control.joints = Joints(time, control.model.waiting, np.zeros(7))
+        control.swing = replace(_rest(), start=control.joints, end_time=time)
         choice = control.take([s.racket for s in candidates.strokes if s.racket])
     swing = choice.swing if choice is not None and choice.index is not None else None
     done = rally(trial.ball, swing, time, trial.physics, plant, tick, LONGEST, trial.rng)
@@ -247,7 +254,7 @@ def _tick_by_tick(trial: Trial, control: ArmControl, plant: Plant, candidates: C
         tick = hardware.advance(command)
         now = tick.joints.time
         record.append([now, *tick.joints.q, *tick.joints.qdot])
-        if tick.over:
+        if tick.ended:
             break
         command = control.step(plant.measured(tick.joints, trial.rng)).command
         if candidates is not None and now >= due:

@@ -1,4 +1,4 @@
-"""Arm and ball together, tick by tick: what commands do to joints, racket and ball."""
+"""Arm and balls together, tick by tick: what commands do to joints, racket and balls."""
 
 from __future__ import annotations
 
@@ -15,41 +15,49 @@ from .world import Contact, RacketMotion, World
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tick:
-    """What is true at its end. contacts: of the ball during it. ball: None when none flies. over: whether this tick ended the ball."""
+    """What is true at its end. contacts: of the last launched ball during it. ball: it, None when it does not fly. ended: what became
+    of the balls that this tick ended."""
 
     joints: Joints
     racket: RacketMotion
     contacts: list[Contact]
     ball: BallState | None
-    over: bool
+    ended: tuple[Outcome, ...]
 
 
 class Hardware:
-    """The simulated arm from `joints` on, and at most one ball, of which `outcome` tells. tick: s."""
+    """The simulated arm from `joints` on, and the balls in flight, which do not meet each other. outcome: of the last launched one, if any.
+    tick: s."""
 
     def __init__(self, physics: Physics, plant: Plant, joints: Joints, tick: float) -> None:
         self.plant, self.tick, self.joints = plant, tick, joints
         self.outcome: Outcome | None = None
-        self._world = World(physics)
+        self._physics = physics
         self._racket = plant.racket(joints)
-        self._next: BallState | None = None
+        self._flights: list[tuple[World, Outcome]] = []
 
     def launch(self, ball: BallState) -> None:
-        """The ball flies from its own time on; one in play before is gone."""
-        self.outcome, self._next, self._world.ball = Outcome(ball), ball, None
+        """The ball flies from its own time on."""
+        self.outcome = Outcome(ball)
+        world = World(self._physics)
+        world.ball = ball
+        self._flights.append((world, self.outcome))
 
     def advance(self, command: Array) -> Tick:
         """One tick under the command (7,) rad/s."""
         self.joints = self.plant.advance(self.joints, command, self.tick)
         before, self._racket = self._racket, self.plant.racket(self.joints)
         now = self.joints.time
-        if self._next is not None and now >= self._next.time:
-            self._world.ball, self._next = self._next, None
-        if self.outcome is None or self._world.ball is None:
-            return Tick(self.joints, self._racket, [], None, False)
-        contacts = self._world.advance(now, (before, self._racket), self.tick)
-        self.outcome.contacts += contacts
-        ball, over = self._world.ball, self.outcome.over(self._world.ball, now)
-        if over:
-            self._world.ball = None
-        return Tick(self.joints, self._racket, contacts, ball, over)
+        contacts: list[Contact] = []
+        ball, ended = None, []
+        for world, outcome in self._flights:
+            if now < outcome.launched.time:
+                ball = None
+                continue
+            contacts = world.advance(now, (before, self._racket), self.tick)
+            outcome.contacts += contacts
+            ball = world.ball
+            if outcome.over(ball, now):
+                ended.append(outcome)
+        self._flights = [flight for flight in self._flights if not any(flight[1] is outcome for outcome in ended)]
+        return Tick(self.joints, self._racket, contacts, ball, tuple(ended))

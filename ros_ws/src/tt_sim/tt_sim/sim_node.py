@@ -36,6 +36,7 @@ from .plant import Plant, PlantParams
 from .render import Scene, Texture
 
 CAMERAS = ("left", "right")
+STORE = 2  # launches rendered ahead, at a rate
 STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
 
 
@@ -80,8 +81,8 @@ class SimNode(Node):
         self.arm = ArmModel.pa10()
         self.plant = Plant(self.arm, declare(self, PlantParams, "plant."))
         self.command, self.commanded = np.zeros(len(self.arm.names)), 0.0  # rad/s; s, monotonic, when it came
-        self.launched, self.busy = 0, threading.Event()  # set while a launch waits for its images or its ball flies
-        self.ready: Flight | None = None
+        self.launched, self.busy = 0, threading.Event()  # set while a launch on request waits for its images or its ball flies
+        self.ready = deque[Flight]()
 
         self.status = Status(self)
         self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in CAMERAS]
@@ -98,6 +99,8 @@ class SimNode(Node):
         for _ in footage(*launch("top", 5, self.launcher, np.random.default_rng(0)), self.cameras, self.scene, self.physics, self.rng):
             break  # loads the kernels
         threading.Thread(target=self.pace, daemon=True).start()
+        if self.launcher.rate:
+            threading.Thread(target=self.feed, daemon=True).start()
 
     def on_command(self, message: Float64MultiArray) -> None:
         command = np.array(message.data)
@@ -107,23 +110,32 @@ class SimNode(Node):
             self.status.tell(f"command refused: {len(message.data)} numbers, {len(self.command)} finite ones wanted", warn=True)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.busy.is_set():
-            response.message = "the last ball is not over yet"
+        if self.launcher.rate or self.busy.is_set():
+            response.message = "the machine launches by itself" if self.launcher.rate else "the last ball is not over yet"
             return response
         self.busy.set()
-        kind, scale = self.shots[self.launched % len(self.shots)]
-        self.launched += 1
-        response.success, response.message = True, f"{kind} {scale}"
-        threading.Thread(target=self.render, args=(self.launched, kind, scale), daemon=True).start()
+        response.success, response.message = True, "{} {}".format(*self.shots[self.launched % len(self.shots)])
+        threading.Thread(target=self.render, daemon=True).start()
         return response
 
-    def render(self, number: int, kind: str, scale: int) -> None:
+    def feed(self) -> None:
+        """At a rate: keeps rendered launches in store."""
+        while self.context.ok():
+            if len(self.ready) < STORE:
+                self.render()
+            else:
+                time.sleep(0.02)
+
+    def render(self) -> None:
+        """The next launch."""
+        kind, scale = self.shots[self.launched % len(self.shots)]
+        self.launched += 1
         ball, orientation = launch(kind, scale, self.launcher, self.rng)
         frames = deque(
             (frame.time, [image_to_message(i, 0.0, f"{name}_optical") for i, name in zip(frame.images, CAMERAS, strict=True)])
             for frame in footage(ball, orientation, self.cameras, self.scene, self.physics, self.rng)
         )
-        self.ready = Flight(number, f"{kind} {scale}", ball, frames)
+        self.ready.append(Flight(self.launched, f"{kind} {scale}", ball, frames))
 
     def pace(self) -> None:
         """Until the node is shut down."""
@@ -142,7 +154,9 @@ class SimNode(Node):
             image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
             for c, n in zip(self.cameras, CAMERAS, strict=True)
         ]
-        flight, launch_time = None, 0.0
+        flight, launch_time = None, -np.inf
+        flying = dict[float, Flight]()  # by the time of launch
+        period = 60.0 / self.launcher.rate if self.launcher.rate else 0.0
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
             tick_due = hardware.joints.time + params.tick
@@ -155,9 +169,10 @@ class SimNode(Node):
             if tick_due >= clock_due:
                 self.clock.publish(Clock(clock=stamp(tick_due)))
                 clock_due = tick_due + 1.0 / params.clock_rate
-            if flight is None and self.ready is not None:
-                flight, self.ready = self.ready, None
+            if self.ready and tick_due + params.lead >= launch_time + period and (period or not flying):
+                flight = self.ready.popleft()
                 launch_time = tick_due + params.lead
+                flying[launch_time] = flight
                 ball = BallState.from_vector(launch_time, flight.ball.vector)
                 hardware.launch(ball)
                 self.true_ball.publish(ball_to_message(ball))
@@ -167,9 +182,9 @@ class SimNode(Node):
             measured = self.plant.measured(tick.joints, noise)
             self.joints.publish(joints_to_message(self.arm.names, measured.time, measured.q, measured.qdot))
             self.publish_truth(tick)
-            if tick.over and flight and hardware.outcome:
-                self.status.tell("ball over", number=flight.number, shot=flight.shot, **hardware.outcome.told())
-                flight = None
+            for outcome in tick.ended:
+                over = flying.pop(outcome.launched.time)
+                self.status.tell("ball over", number=over.number, shot=over.shot, **outcome.told())
                 self.busy.clear()
 
     def publish_images(self, time: float, images: list[Image]) -> None:

@@ -19,8 +19,9 @@ from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
 from .plant import Plant, advance_joints
-from .world import MOST, RACKET_RADIUS, Contact, contacts_from, travel
+from .world import RACKET_RADIUS, Contact, contacts_from, travel
 
+SHOWN = 8  # contacts, more than a ball has from launch to landing
 AFTER_STRIKE = 0.06  # s that the swing is followed on
 GUARD, SERVO = GuardParams(), ServoParams()
 
@@ -91,7 +92,7 @@ def rally(
     if not silent or (params.torque_share > 0.0 and not _strong_enough(plant, joints, tick)):
         return None
     rackets[-1, 6:] = 0.0  # it stays there
-    state, log = ball.vector, np.empty((MOST, 22))
+    state, log = ball.vector, np.empty((SHOWN, 22))
     models = physics.air.coefficients, physics.table.coefficients, physics.racket.coefficients
     met, _, _ = travel(state, ball.time - time, longest - time, rackets, tick, *models, physics.contact_height, RACKET_RADIUS, log)
     return contacts_from(log[:met], time), joints
