@@ -44,7 +44,8 @@ def main() -> None:
             metrics |= {f"{key}_landed_share": float(numbers["landed"].mean()), f"{key}_hit_share": float(numbers["hit"].mean())}
             metrics[f"{key}_landing_error_median"], metrics[f"{key}_landing_error_p95"] = percentiles(numbers["landing_error"])
     Console(width=220).print(table)
-    report("baselines", args.runs, metrics, args.json)
+    there = {key: value for key, value in metrics.items() if np.isfinite(value)}  # no landings, no error
+    report("baselines", args.runs, there, args.json)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ def main() -> None:
             "SAM, real world": replace(scenario, world=real.world),
             "exact, real world": replace(scenario, world=real.world, robot=replace(real.robot, intercept=window)),
         }
-        rows = {"the dissertation's robot": np.array([printed])} | {name: landings(s, args.runs) for name, s in ours.items()}
+        rows = {"printed": np.array([printed])} | {name: landings(s, args.runs) for name, s in ours.items()}
         asked = np.array([*goal.landing, goal.flight_time])
         table.add_row(kind, "asked", "", *(f"{v:.3f}" for v in asked), "", "")
         for name, found in rows.items():
@@ -49,9 +49,9 @@ def main() -> None:
             off = float(np.median(np.hypot(*(found[:, :2] - asked[:2]).T)))
             late = float(np.median(np.abs(found[:, 2] - asked[2])))
             cells = [f"{m:.3f}" + (f" ± {s:.3f}" if len(found) > 1 else "") for m, s in zip(mean, spread, strict=True)]
-            runs = "" if name.startswith("the") else f"{len(found)} of {args.runs}"
+            runs = "" if name == "printed" else f"{len(found)} of {args.runs}"
             table.add_row(kind, name, runs, *cells, f"{100 * off:.1f}", f"{1e3 * late:.0f}")
-            key = f"{kind}_{name.split()[0].lower() if not name.startswith('the') else 'printed'}_{name.split()[-2]}"
+            key = f"{kind}_{name.replace(',', '').replace(' ', '_').lower()}"
             metrics[f"{key}_landing_error_m"], metrics[f"{key}_time_error_s"] = off, late
     Console(width=140).print(table)
     report("experiments", args.runs, metrics, args.json)

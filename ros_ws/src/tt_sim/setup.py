@@ -16,7 +16,7 @@ setup(
         "console_scripts": [
             "sim_node = tt_sim.sim_node:main",
             "experiment = tt_sim.experiments.main:main",
-            "sight = tt_sim.sight:main",
+            "sight = tt_sim.sight_fit:main",
             "sweep = tt_sim.sweep:main",
             "evaluate = tt_sim.evaluate:main",
         ]

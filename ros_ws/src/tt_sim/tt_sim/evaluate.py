@@ -26,7 +26,10 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def read(file: Path) -> tuple[str, dict[str, Array], list[str]]:
+Sweep = tuple[str, dict[str, Array], list[str]]
+
+
+def read(file: Path) -> Sweep:
     """Name of the scenario, the numbers by column, and why each ball was missed, "" for a return."""
     table = pq.read_table(file)
     name = (table.schema.metadata or {}).get(b"scenario", file.stem.encode()).decode()
@@ -123,20 +126,24 @@ STYLE = "body { font-family: sans-serif; max-width: 1200px; margin: 2em auto } t
 
 def page(files: Sequence[Path], ball: Episode | None = None) -> str:
     """One HTML page that needs no network."""
-    parts, rows, first = [], [], True
-    for file in files:
-        name, numbers, misses = read(file)
-        rows.append([name, *line(numbers, misses)])
-        parts.append(f"<h2>{html.escape(name)}</h2>")
-        for figure in (scatter(numbers), causes(numbers), reasons(misses)):
-            parts.append(figure.to_html(full_html=False, include_plotlyjs=first))
-            first = False
-    if ball is not None:
-        parts.insert(0, one_ball(ball).to_html(full_html=False, include_plotlyjs=True))
-    head = "".join(f"<th>{html.escape(c)}</th>" for c in ("scenario", *COLUMNS))
-    body = "".join(f"<tr>{''.join(f'<td>{html.escape(c)}</td>' for c in row)}</tr>" for row in rows)
-    table = f"<table><tr>{head}</tr>{body}</table>"
+    read_files = [read(file) for file in files]
+    figures: list[tuple[str, go.Figure]] = [] if ball is None else [("", one_ball(ball))]
+    for name, numbers, misses in read_files:
+        figures += [(name, scatter(numbers)), (name, causes(numbers)), (name, reasons(misses))]
+    parts, last = [], ""
+    for i, (name, figure) in enumerate(figures):
+        parts += [] if name == last else [f"<h2>{html.escape(name)}</h2>"]
+        parts.append(figure.to_html(full_html=False, include_plotlyjs=i == 0))
+        last = name
+    rows = [("", *(name for name, _, _ in read_files)), *_side_by_side(read_files)]
+    cells = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows)
+    table = f"<table>{''.join(f'<tr>{row}</tr>' for row in cells)}</table>"
     return f"<!doctype html><meta charset=utf-8><title>Rallies</title><style>{STYLE}</style>{table}{''.join(parts)}"
+
+
+def _side_by_side(sweeps: Sequence[Sweep]) -> list[tuple[str, ...]]:
+    """A row for each of COLUMNS, a cell for each sweep."""
+    return list(zip(COLUMNS, *(line(numbers, misses) for _, numbers, misses in sweeps), strict=True))
 
 
 def main() -> None:
@@ -149,10 +156,10 @@ def main() -> None:
     for file in args.files:
         if not file.is_file():
             parser.error(f"{file} is no file")
-    table = Table("scenario", *COLUMNS)
-    for file in args.files:
-        name, numbers, misses = read(file)
-        table.add_row(name, *line(numbers, misses))
+    sweeps = [read(file) for file in args.files]
+    table = Table("scenario", *(name for name, _, _ in sweeps))
+    for row in _side_by_side(sweeps):
+        table.add_row(*row)
     Console().print(table)
     if args.page:
         args.page.write_text(page(args.files, play(load(args.ball, images=False), args.seed)))
