@@ -22,7 +22,7 @@ from .scenario import load
 
 COLUMNS = (
     "balls", "hit, %", "landed, %", "landing off, cm: median", "95 %", "time off, ms: median", "95 %",
-    "spin off, rad/s: median", "95 %", "measured spin off, rpm: 95 %", "missed because",
+    "spin off, rad/s: median", "95 %", "measured spin off, rpm: 95 %", "arm waits again after, s: 95 %", "missed because",
 )  # fmt: skip
 
 
@@ -55,7 +55,8 @@ def line(numbers: dict[str, Array], misses: Sequence[str]) -> list[str]:
     time, spin = percentiles(numbers["time_error"], 1e3), percentiles(numbers["return_spin_error"])
     shares = [f"{100.0 * numbers[name].mean():.1f}" for name in ("hit", "landed")]
     cells = [f"{value:.1f}" for value in (*landing, *time, *spin, percentiles(numbers["measured_spin_error_rpm"])[1])]
-    return [str(len(misses)), *shares, *cells, ", ".join(f"{miss} {n}" for miss, n in why(misses).items()) or "none"]
+    back = f"{percentiles(numbers['arm_back'])[1]:.2f}"
+    return [str(len(misses)), *shares, *cells, back, ", ".join(f"{miss} {n}" for miss, n in why(misses).items()) or "none"]
 
 
 def scatter(numbers: dict[str, Array]) -> go.Figure:
