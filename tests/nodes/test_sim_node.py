@@ -62,6 +62,25 @@ def test_at_a_rate_it_launches_by_itself(start, probe, until):
     assert [int(values["number"]) for values in over()] == list(range(int(over()[0]["number"]), int(over()[0]["number"]) + len(over())))
 
 
+def test_cameras_of_a_world_lose_and_stamp_frames_as_it_says(start, probe, until, tmp_path):
+    world = tmp_path / "blind.yaml"
+    world.write_text("cameras: {dropped: 0.4, clock_offset: 0.5}")
+    start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['back 3']", "-p", f"world:={world}")
+    images, told = [], []
+    for side in ("left", "right"):
+        probe.create_subscription(Image, f"/camera/{side}/image_raw", images.append, SENSOR)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    client = probe.create_client(Trigger, "/launcher/launch")
+    until(client.service_is_ready, probe)
+    client.call_async(Trigger.Request())
+    until(lambda: any(text == "ball over" for m in told for _, _, text, _ in read_status(m)), probe)
+    (values,) = [values for m in told for _, _, text, values in read_status(m) if text == "ball over"]
+    after = np.array([seconds(m.header.stamp) for m in images]) - json.loads(values["launched"])[0] - 0.5
+    assert np.all((after > 0.0) & (after < 0.2))  # s, while the ball is in view, by a clock half a second ahead
+    whole = 2 * (1 + round(900 * (after.max() - after.min())))
+    assert 0.25 * whole < len(images) < 0.9 * whole  # 0.6 of them; 5 standard deviations of 50 images are 0.35
+
+
 def test_always_on_publishes_frames_without_a_ball(start, probe, until):
     start("tt_sim.sim_node", "--ros-args", "-p", "always_on:=true")
     stamps = []
@@ -83,7 +102,11 @@ def test_the_arm_does_what_it_is_told(start, probe, until):
 
 
 def test_bad_parameters_end_it_with_the_reason(start):
-    for parameter, words in (("shots:=['smash 3']", "kind 'smash' is none of"), ("rtf:=0.0", "rtf = 0 is outside [0.01, 10]")):
+    for parameter, words in (
+        ("shots:=['smash 3']", "kind 'smash' is none of"),
+        ("rtf:=0.0", "rtf = 0 is outside [0.01, 10]"),
+        ("world:=mars", "mars: no such file, and none of the worlds here"),
+    ):
         node = start("tt_sim.sim_node", "--ros-args", "-p", parameter)
         assert node.wait(timeout=30) == 2
         assert words in node.stderr.read()

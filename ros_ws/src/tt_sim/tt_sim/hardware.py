@@ -36,10 +36,10 @@ class Hardware:
         self._racket = plant.racket(joints)
         self._flights: list[tuple[World, Outcome]] = []
 
-    def launch(self, ball: BallState) -> None:
-        """The ball flies from its own time on."""
+    def launch(self, ball: BallState, physics: Physics | None = None) -> None:
+        """The ball flies from its own time on. physics: for it alone, if not that of all."""
         self.outcome = Outcome(ball)
-        world = World(self._physics)
+        world = World(physics or self._physics)
         world.ball = ball
         self._flights.append((world, self.outcome))
 

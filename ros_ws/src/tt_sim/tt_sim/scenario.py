@@ -145,6 +145,12 @@ def load(name: str, robot: str | None = None, world: str | None = None, images: 
     return replace(build(Scenario, content, file.name), name=Path(name).stem + (f", robot {robot}" if robot else ""))
 
 
+def load_world(name: str) -> Truth:
+    """The world of that name here, or of that file. Raises BadScenario."""
+    file = _find(name, "worlds", Path())
+    return build(Truth, _read(file), file.name)
+
+
 def _find(name: str, folder: str, beside: Path) -> Path:
     if name in names(folder):
         return HOME / folder / f"{name}.yaml"

@@ -21,6 +21,7 @@ from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
 from tt_core.errors import check_range
+from tt_core.physics import Physics
 from tt_core.ros.convert import ball_to_message, camera_to_message, image_to_message, joints_to_message, racket_to_message, stamp
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
@@ -29,11 +30,13 @@ from tt_core.ros.status import Status
 from tt_core.states import BallState
 from tt_vision.rig import FRAME_RATE, high_speed_pair
 
+from .faults import arrivals
 from .footage import footage
 from .hardware import Hardware, Tick
 from .launcher import LauncherParams, launch, shot
 from .plant import Plant, PlantParams
 from .render import Scene, Texture
+from .scenario import Truth, load_world
 
 CAMERAS = ("left", "right")
 STORE = 2  # launches rendered ahead, at a rate
@@ -58,6 +61,16 @@ class SimParams:
         check_range("lead", self.lead, 0.0, 5.0)
 
 
+@dataclass(frozen=True)
+class Shown:
+    """An image on its way: when it leaves, its stamp, both s after the launch, and which camera took it."""
+
+    due: float
+    stamp: float
+    side: int
+    image: Image
+
+
 @dataclass
 class Flight:
     """One launch, rendered: times are seconds after the launch."""
@@ -65,7 +78,8 @@ class Flight:
     number: int
     shot: str
     ball: BallState
-    frames: deque[tuple[float, list[Image]]]
+    physics: Physics
+    images: deque[Shown]
 
 
 class SimNode(Node):
@@ -73,13 +87,15 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("sim")
-        self.params, self.physics = declare(self, SimParams), declare_physics(self)
+        self.params, name = declare(self, SimParams), parameter(self, "world", "")
+        own = Truth(declare_physics(self), plant=declare(self, PlantParams, "plant."))
+        self.world = load_world(name) if name else own
         self.launcher = declare(self, LauncherParams, "launcher.")
         self.shots = [shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
         self.rng = np.random.default_rng(self.params.seed)
         self.scene, self.cameras = Scene(texture=Texture.drawn(self.params.seed)), high_speed_pair()
         self.arm = ArmModel.pa10()
-        self.plant = Plant(self.arm, declare(self, PlantParams, "plant."))
+        self.plant = Plant(self.arm, self.world.plant)
         self.command, self.commanded = np.zeros(len(self.arm.names)), 0.0  # rad/s; s, monotonic, when it came
         self.launched, self.busy = 0, threading.Event()  # set while a launch on request waits for its images or its ball flies
         self.ready = deque[Flight]()
@@ -96,7 +112,8 @@ class SimNode(Node):
         self.true_racket = self.create_publisher(Odometry, "/sim/racket", TRUTH)
         self.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
         self.create_service(Trigger, "/launcher/launch", self.on_launch)
-        for _ in footage(*launch("top", 5, self.launcher, np.random.default_rng(0)), self.cameras, self.scene, self.physics, self.rng):
+        first = launch("top", 5, self.launcher, np.random.default_rng(0))
+        for _ in footage(*first, self.cameras, self.scene, self.world.physics, self.rng):
             break  # loads the kernels
         threading.Thread(target=self.pace, daemon=True).start()
         if self.launcher.rate:
@@ -131,11 +148,13 @@ class SimNode(Node):
         kind, scale = self.shots[self.launched % len(self.shots)]
         self.launched += 1
         ball, orientation = launch(kind, scale, self.launcher, self.rng)
-        frames = deque(
-            (frame.time, [image_to_message(i, 0.0, f"{name}_optical") for i, name in zip(frame.images, CAMERAS, strict=True)])
-            for frame in footage(ball, orientation, self.cameras, self.scene, self.physics, self.rng)
-        )
-        self.ready.append(Flight(self.launched, f"{kind} {scale}", ball, frames))
+        physics, faults = self.world.vary.draw(self.world.physics, self.rng), self.world.cameras
+        frames = footage(ball, orientation, self.cameras, self.scene, physics, self.rng)
+        shown = [
+            Shown(stamp - faults.clock_offset + faults.latency, stamp, side, image_to_message(image, 0.0, f"{CAMERAS[side]}_optical"))
+            for side, stamp, image in arrivals(frames, faults, self.rng)
+        ]
+        self.ready.append(Flight(self.launched, f"{kind} {scale}", ball, physics, deque(sorted(shown, key=lambda one: one.due))))
 
     def pace(self) -> None:
         """Until the node is shut down."""
@@ -148,7 +167,7 @@ class SimNode(Node):
     def keep_time(self) -> None:
         """Ticks at whole multiples, frames at their stamps, on a clock that runs `rtf` times the real one."""
         start, real_start, params = time.time(), time.monotonic(), self.params
-        hardware = Hardware(self.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick)
+        hardware = Hardware(self.world.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick)
         noise = np.random.default_rng(params.seed + 1)  # of the encoders; the other generator is the launches'
         dark = [
             image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
@@ -160,10 +179,15 @@ class SimNode(Node):
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
             tick_due = hardware.joints.time + params.tick
-            frame_due = launch_time + flight.frames[0][0] if flight and flight.frames else dark_due
+            frame_due = launch_time + flight.images[0].due if flight and flight.images else dark_due
             time.sleep(max(0.0, (min(tick_due, frame_due) - start) / params.rtf - (time.monotonic() - real_start)))
             if frame_due <= tick_due:
-                self.publish_images(frame_due, flight.frames.popleft()[1] if flight and flight.frames else dark)
+                if flight and flight.images:
+                    shown = flight.images.popleft()
+                    self.publish_image(shown.side, launch_time + shown.stamp, shown.image)
+                else:
+                    for side, image in enumerate(dark):
+                        self.publish_image(side, frame_due, image)
                 dark_due = frame_due + 1.0 / FRAME_RATE if params.always_on else np.inf
                 continue
             if tick_due >= clock_due:
@@ -174,7 +198,7 @@ class SimNode(Node):
                 launch_time = tick_due + params.lead
                 flying[launch_time] = flight
                 ball = BallState.from_vector(launch_time, flight.ball.vector)
-                hardware.launch(ball)
+                hardware.launch(ball, flight.physics)
                 self.true_ball.publish(ball_to_message(ball))
             if time.monotonic() - self.commanded > STALE / params.rtf:
                 self.command = np.zeros_like(self.command)
@@ -187,10 +211,9 @@ class SimNode(Node):
                 self.status.tell("ball over", number=over.number, shot=over.shot, **outcome.told())
                 self.busy.clear()
 
-    def publish_images(self, time: float, images: list[Image]) -> None:
-        for publisher, image in zip(self.images, images, strict=True):
-            image.header.stamp = stamp(time)
-            publisher.publish(image)
+    def publish_image(self, side: int, stamped: float, image: Image) -> None:
+        image.header.stamp = stamp(stamped)
+        self.images[side].publish(image)
 
     def publish_truth(self, tick: Tick) -> None:
         """While a ball flies; a contact is told as two states of one time."""
