@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tt_core.errors import TtError
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, Bounce, ReturnGoal
@@ -40,6 +41,16 @@ def test_candidates_are_on_the_path_in_the_window_and_ordered_by_racket_speed_an
         ball = path.at(stroke.racket.time).position
         assert params.x_low <= ball[0] <= params.x_high
         assert stroke.racket.position + PHYSICS.contact_height * stroke.racket.normal == pytest.approx(ball, abs=1e-9)
+
+
+def test_the_reachable_window_holds_the_near_one_and_more():
+    path, goal = path_after_bounce(), answer(np.array([0.0, 250.0, 0.0]), GoalParams())
+    near, reachable = (
+        {s.racket.time for s in intercept(path, goal, PHYSICS, InterceptParams.window(name)).strokes} for name in ("near", "reachable")
+    )
+    assert near < reachable
+    with pytest.raises(TtError, match="'far' is none of 'near', 'reachable'"):
+        InterceptParams.window("far")
 
 
 def test_too_fast_a_racket_is_refused_with_the_number():

@@ -2,7 +2,7 @@
 
 The acceleration depends on velocity and spin only, so one Dormand-Prince step of order 5 on the velocity carries the position with it.
 At MAX_STEP its error is about 1e-11 m over a flight. Kernels take and fill plain arrays, state = (9,) position, velocity, spin;
-they are compiled, allocation-free in the loop and do not validate.
+they are compiled, allocation-free in the loop and do not validate; a division by zero gives inf, for the check for it costs 5 % of the time.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Aerodynamics:
         return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pull(v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, c: Array) -> tuple[float, float, float]:
     """(3.1)-(3.3); h = 0 where (3.3) is 0/0: no spin, or spin along the flight."""
     across, flat = v0 * w1 - v1 * w0, v0 * v0 + v1 * v1
@@ -115,7 +115,7 @@ def _pull(v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, c: A
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def accelerate(v: Array, w: Array, c: Array, out: Array) -> None:
     """The acceleration (3,) for velocity and spin (3,)."""
     out[0], out[1], out[2] = _pull(v[0], v[1], v[2], w[0], w[1], w[2], c)
@@ -136,7 +136,7 @@ _B = np.array([35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
 _C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
 
 
-@njit(cache=True, forceinline=True)
+@njit(cache=True, forceinline=True, error_model="numpy")
 def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
     """One step of h seconds from state (9,) into out (9,), which may be the same; work (8, 3) is scratch."""
     v0, v1, v2, w0, w1, w2 = state[3], state[4], state[5], state[6], state[7], state[8]
@@ -164,7 +164,7 @@ def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
     out[6], out[7], out[8] = fade * w0, fade * w1, fade * w2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ease(state: Array, c: Array) -> float:
     """The share of a step that is as exact as the step is elsewhere: less than 1 where h of (3.3) swings round, with spin along the flight.
 
@@ -178,11 +178,10 @@ def ease(state: Array, c: Array) -> float:
     return 1.0 if length >= CALM * CALM * spin else max(LEAST_EASE, math.sqrt(length / spin) / CALM)
 
 
-@njit(cache=True)
-def fly(state: Array, duration: float, c: Array, max_step: float = MAX_STEP) -> Array:
-    """(9,) the state `duration` seconds later, free flight; duration may be negative."""
-    out = state.copy()
-    work = np.empty((8, 3))
+@njit(cache=True, error_model="numpy")
+def fly_into(state: Array, duration: float, c: Array, max_step: float, out: Array, work: Array) -> None:
+    """Fill out (9,) with the state `duration` seconds later, free flight; duration may be negative. work (8, 3) is scratch."""
+    out[:] = state
     even = duration / max(1, math.ceil(abs(duration) / max_step - 1e-9))
     left = duration
     while left != 0.0:
@@ -191,10 +190,17 @@ def fly(state: Array, duration: float, c: Array, max_step: float = MAX_STEP) -> 
             h = left
         step(out, h, c, out, work)
         left -= h
+
+
+@njit(cache=True, error_model="numpy")
+def fly(state: Array, duration: float, c: Array, max_step: float = MAX_STEP) -> Array:
+    """(9,) the state of `fly_into`."""
+    out = np.empty(9)
+    fly_into(state, duration, c, max_step, out, np.empty((8, 3)))
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def crossing(state: Array, low: float, high: float, axis: int, level: float, c: Array, trial: Array, work: Array) -> float:
     """The time in [low, high] s after `state` at which state[axis] crosses `level`, within one step; trial (9,) is the state then.
 

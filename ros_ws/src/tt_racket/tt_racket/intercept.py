@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.errors import TtError, check_range
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
@@ -38,6 +38,16 @@ class InterceptParams:
         check_range("racket_speed", self.racket_speed, 0.1, 20.0)
         check_range("traded", self.traded, 1, 100)
         check_range("landing_spread", self.landing_spread, 0.01, 1e3)
+
+    @classmethod
+    def window(cls, name: str) -> InterceptParams:
+        """ "near": the dissertation's, to a later strike; "reachable": where the arm from its base reaches 99 % of random rackets.
+
+        Raises TtError for another name.
+        """
+        if name not in ("near", "reachable"):
+            raise TtError(f"window {name!r} is none of 'near', 'reachable'")
+        return cls() if name == "near" else cls(x_low=-0.70, y_low=0.20, y_high=1.325, z_high=0.70)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
-from tt_core.ros.params import declare, declare_physics
+from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
@@ -26,7 +26,7 @@ class RacketNode(Node):
     def __init__(self) -> None:
         super().__init__("racket")
         self.physics = declare_physics(self)
-        self.params = declare(self, InterceptParams)
+        self.params = declare(self, InterceptParams.window(parameter(self, "window", "near")))
         self.goal_params = declare(self, GoalParams, "goal.")
         self.trade = declare(self, TradeParams, "trade.")
         self.errors = declare(self, ErrorParams, "errors.")

@@ -14,17 +14,18 @@ from numba import njit
 from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.court import meets_net, meets_surface
 from tt_core.errors import TtError
-from tt_core.flight import ease, fly, step
+from tt_core.flight import ease, fly_into, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState, RacketState, ReturnGoal
 
 from .impact import racket_for, spin_after
 
-TOLERANCE = 1e-8  # m, of the landing
-FINE_STEP = 0.05  # s, of the flight to which the answer is exact: 1e-9 m off
+TOLERANCE = 3e-8  # m, of the landing
+FINE_STEP = 0.08  # s, of the flight to which the answer is exact: 6e-8 m off at most
+FINE_WAY = 0.6  # m, that such a step is long at most
 COARSE_STEP = 0.3  # s, of the flights that are corrected: 1e-5 m off
 COARSE = 1e-3  # m, the miss from which it pays to know what they are off
-FINE = 2e-9  # m, the miss of the coarse flight to the place aimed off
+FINE = 2e-8  # m, the miss of the coarse flight to the place aimed off
 MOST_CORRECTIONS = 40
 FASTEST = 60.0  # m/s after the hit; past it the search has left the field
 SAME_INSTANT = 1e-6  # s, a contact this near the landing is the landing
@@ -48,7 +49,7 @@ class Stroke:
     share: float = math.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _aim_sam(p0: Array, spin_y: float, spin_z: float, target: Array, flight_time: float, air: Array, v1: Array) -> float:
     """(4.58): drag axis by axis, no Magnus force. Returns D, which takes h of (3.3) for the straight way to the target."""
     dx, dy = target[0] - p0[0], target[1] - p0[1]
@@ -62,7 +63,7 @@ def _aim_sam(p0: Array, spin_y: float, spin_z: float, target: Array, flight_time
     return d
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _first_inverse(v: Array, spin_y: float, spin_z: float, d: float, flight_time: float, air: Array) -> Array:
     """(3, 3) d v1 / d landing to first order in drag D and Magnus force: (1 - T/2 da/dv)^-1 / T is (1 + T/2 da/dv) / T."""
     half = 0.5 * flight_time
@@ -80,18 +81,23 @@ def _first_inverse(v: Array, spin_y: float, spin_z: float, d: float, flight_time
     return out / flight_time
 
 
-_CLEAR, _NET, _TABLE, _SIDE, _EARLY, _SEARCH, _SPIN = range(7)
+_CLEAR, _NET, _TABLE, _SIDE, _EARLY, _SEARCH, _SPIN, _ASIDE, _AWAY, _BEYOND = range(10)
 
 
-@njit(cache=True)
-def _walk(after: Array, flight_time: float, air: Array, contact: float, end: Array) -> tuple[int, float]:
-    """Fly to the landing, end (9,), in steps of FINE_STEP; what the ball meets before, and by how much: m under the top of the
+@njit(cache=True, error_model="numpy")
+def _fine_step(v: Array) -> float:
+    return min(FINE_STEP, FINE_WAY / math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
+
+
+@njit(cache=True, error_model="numpy")
+def _walk(after: Array, flight_time: float, air: Array, contact: float, end: Array, work: Array) -> tuple[int, float]:
+    """Fly to the landing, end (9,), in fine steps; what the ball meets before, and by how much: m under the top of the
     net or beside the table, s before the landing.
 
     The bounce of a ball that goes where it should is that on the opponent's half at the flight time.
     """
-    work, trial, now = np.empty((8, 3)), np.empty(9), after.copy()
-    even, left = flight_time / math.ceil(flight_time / FINE_STEP), flight_time
+    trial, now = np.empty(9), after.copy()
+    even, left = flight_time / math.ceil(flight_time / _fine_step(after[3:6])), flight_time
     met, missing = _CLEAR, 0.0
     while left > 0.0:
         h = even * ease(now, air)
@@ -107,7 +113,8 @@ def _walk(after: Array, flight_time: float, air: Array, contact: float, end: Arr
                 met = _SIDE if missing > 0.0 else _CLEAR
         elif met == _CLEAR and now[0] > NET_X and not 0.0 <= now[1] <= TABLE_WIDTH:
             met, missing = _SIDE, max(-now[1], now[1] - TABLE_WIDTH)
-        if met == _CLEAR and (end[2] <= contact or now[5] < 0.0 < end[5]):
+        lands = h == left and now[2] > contact and contact - end[2] < -SAME_INSTANT * end[5]
+        if met == _CLEAR and not lands and (end[2] <= contact or now[5] < 0.0 < end[5]):
             before = left - meets_surface(now, end, h, contact, air, trial, work)
             if before > SAME_INSTANT:
                 met, missing = (_TABLE if trial[0] < NET_X else _EARLY), before
@@ -116,7 +123,7 @@ def _walk(after: Array, flight_time: float, air: Array, contact: float, end: Arr
     return met, missing
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def find(
     p0: Array,
     v0: Array,
@@ -136,8 +143,17 @@ def find(
 
     Returns what is in the way, by how much, residual, corrections, share, alpha, beta.
     """
-    target, aim, miss, moved, b, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    after, velocity, normal, end, last = out[:9], out[9:12], out[12:15], np.empty(9), np.empty(9)
+    beside = max(NET_X - landing[0], landing[0] - TABLE_LENGTH, -landing[1], landing[1] - TABLE_WIDTH)
+    if beside >= 0.0:
+        return _ASIDE, beside, np.inf, 0, np.inf, 0.0, 0.0
+    if v0[0] >= 0.0:
+        return _AWAY, v0[0], np.inf, 0, np.inf, 0.0, 0.0
+    if p0[0] >= NET_X:
+        return _BEYOND, p0[0] - NET_X, np.inf, 0, np.inf, 0.0, 0.0
+    target, aim, miss, moved, b, row = np.empty((6, 3))
+    after, velocity, normal = out[:9], out[9:12], out[12:15]
+    end, last, fine = np.empty((3, 9))
+    work = np.empty((8, 3))
     target[0], target[1], target[2] = landing[0], landing[1], contact
     for k in range(3):
         after[k], aim[k] = p0[k], target[k]
@@ -149,7 +165,7 @@ def find(
             return _SEARCH, np.inf, np.inf, n, np.inf, 0.0, 0.0
         spin_after(v0, w0, after[3:6], spin_y, spin_z, after[6:9])
         last[:] = end
-        end[:] = fly(after, flight_time, air, COARSE_STEP)
+        fly_into(after, flight_time, air, COARSE_STEP, end, work)
         if n > 0:  # Broyden's update of the inverse Jacobian
             scale = 0.0
             for i in range(3):
@@ -165,11 +181,10 @@ def find(
         off = math.sqrt((end[0] - aim[0]) ** 2 + (end[1] - aim[1]) ** 2 + (end[2] - aim[2]) ** 2)
         if off < tolerance or n >= most:
             if tolerance == COARSE and n < most:
-                fine = fly(after, flight_time, air, FINE_STEP)
+                fly_into(after, flight_time, air, _fine_step(after[3:6]), fine, work)
                 tolerance = FINE
             else:
-                fine = end.copy()
-                met, missing = _walk(after, flight_time, air, contact, fine)
+                met, missing = _walk(after, flight_time, air, contact, fine, work)
                 residual = math.sqrt((fine[0] - target[0]) ** 2 + (fine[1] - target[1]) ** 2 + (fine[2] - target[2]) ** 2)
                 if residual < TOLERANCE or n >= most:
                     break
@@ -195,6 +210,12 @@ def find(
 
 
 def _why(met: int, missing: float, share: float, goal: ReturnGoal) -> str:
+    if met == _ASIDE:
+        return f"landing {goal.landing} is not on the opponent's half, x {NET_X} to {TABLE_LENGTH}, y 0 to {TABLE_WIDTH}"
+    if met == _AWAY:
+        return f"the ball does not come: v_x = {missing:g} m/s"
+    if met == _BEYOND:
+        return f"the ball is on the opponent's side: x = {NET_X + missing:g} m"
     if met == _SPIN:
         return f"the asked change of spin is {share:.2f} times what the rubber gives"
     if met == _SEARCH:
@@ -222,21 +243,11 @@ def solve(
     ball: at the hit, flying to -x. method: "exact", the full model, from the "sam" start, or "sam", the simple one (4.48)-(4.58) alone.
     corrections: the most that "exact" makes; fewer give a coarser answer in less time. racket_speed: m/s, the most there is. The racket's
     face lies contact_height behind the ball's centre, and its normal points from it to the ball.
-    The landing is exact to 1e-8 m, to 1e-4 m where spin comes to lie along the flight, for h of (3.3) jumps there.
+    The landing is exact to 1e-7 m, to 1e-4 m where spin comes to lie along the flight, for h of (3.3) jumps there.
     A goal that cannot be met is a Stroke with a reason; raises TtError for an unknown method.
     """
     if method not in ("exact", "sam"):
         raise TtError(f"method {method!r} is none of 'exact', 'sam'")
-    x, y = goal.landing.tolist()
-    if not (NET_X < x < TABLE_LENGTH and 0.0 < y < TABLE_WIDTH):
-        beside = max(NET_X - x, x - TABLE_LENGTH, -y, y - TABLE_WIDTH)
-        where = f"x {NET_X} to {TABLE_LENGTH}, y 0 to {TABLE_WIDTH}"
-        return Stroke(None, None, math.inf, 0, f"landing {goal.landing} is not on the opponent's half, {where}", beside)
-    if ball.velocity[0] >= 0.0:
-        return Stroke(None, None, math.inf, 0, f"the ball does not come: v_x = {ball.velocity[0]:g} m/s", float(ball.velocity[0]))
-    if ball.position[0] >= NET_X:
-        missing = float(ball.position[0] - NET_X)
-        return Stroke(None, None, math.inf, 0, f"the ball is on the opponent's side: x = {ball.position[0]:g} m", missing)
     out, exact = np.empty(18), method == "exact"
     met, missing, residual, made, share, alpha, beta = find(
         ball.position,
