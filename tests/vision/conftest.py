@@ -44,7 +44,7 @@ def shoot(seed, *, spin=None, count=6, scene=None, cameras=None, velocity=None, 
     first = Rotation.random(random_state=seed)
     times = start + np.arange(count) / FRAME_RATE
     images = [[] for _ in cameras]
-    pull = Aerodynamics.liu().acceleration(velocity, omega)
+    pull = Aerodynamics.measured().acceleration(velocity, omega)
     for t in times:
         tau = t - times.mean()
         ball = BallState(t, middle + tau * velocity + 0.5 * tau**2 * pull, velocity + tau * pull, omega)

@@ -13,7 +13,7 @@ from tt_core.errors import TtError
 from tt_sim.render import Lamp, Lamps, Noise, Texture
 from tt_vision.centre import find_ball
 from tt_vision.motion import fit_motion
-from tt_vision.registration import compare_all, left_jacobian, rotation_matrix
+from tt_vision.registration import SearchParams, compare_all, left_jacobian, rotation_matrix
 from tt_vision.spin import estimate_spin
 from tt_vision.surface import unwrap
 
@@ -126,8 +126,8 @@ def test_the_step_of_the_refinement_leads_to_the_spin(footage):
     motion = fit_motion(footage.frames, spots, footage.times, footage.cameras)
     backgrounds = np.array([[s.background for s in row] for row in spots])
     centred = footage.times - footage.times.mean()
-    s = unwrap(footage.frames, backgrounds, motion.positions(footage.times), motion.offsets, centred, footage.cameras)
-    best = estimate_spin(footage.frames, footage.times, footage.cameras).spin
+    s = unwrap(footage.frames, backgrounds, motion.positions(footage.times), motion.alignment, centred, footage.cameras)
+    best = estimate_spin(footage.frames, footage.times, footage.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
         h, g, _, _ = compare_all(start, points, s.marks, s.weights, s.views, s.frame, s.times)

@@ -81,7 +81,8 @@ class Trial:
         for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
             burst = assembler.add(side, stamp, image)
             if burst is not None:
-                measurement = measure(burst.left, burst.right, burst.times, self.cameras)
+                air = self.scenario.robot.physics.air
+                measurement = measure(burst.left, burst.right, burst.times, self.cameras, air=air)
                 return measurement, measurement.ball
         return None, None
 

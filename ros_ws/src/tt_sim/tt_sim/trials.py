@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 from tt_core.constants import RPM
-from tt_core.flight import Aerodynamics
+from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_vision.camera import Camera
 from tt_vision.light import Lamps as KnownLamps
 from tt_vision.rig import EXPOSURE, FRAME_RATE, VIEW_CENTRE, high_speed_pair
 
 from .render import Lamps, Noise, Texture, render
+from .vary import Variation
+
+VARIED = Variation(drag=0.04, lift=0.10)  # from ball to ball, as in the world `real`
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class Burst:
 
 
 def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> Iterator[Burst]:
-    """Balls of 3 to 8 m/s near the middle of the view, spinning about any axis; they fly by Aerodynamics.measured()."""
+    """Balls of 3 to 8 m/s near the middle of the view, spinning about any axis; they fly as measured balls do, no two alike."""
     c = conditions or Conditions()
     rng = np.random.default_rng(seed)
     for _ in range(count):
@@ -75,7 +78,7 @@ def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditio
     c = conditions
     first = Rotation.random(random_state=int(rng.integers(1 << 31)))
     times = rng.uniform(0.0, 100.0) + np.arange(c.frames) / c.frame_rate
-    pull = Aerodynamics.measured().acceleration(velocity, spin) if velocity.any() else np.zeros(3)
+    pull = VARIED.draw(Physics.measured(), rng).air.acceleration(velocity, spin) if velocity.any() else np.zeros(3)
     cameras = high_speed_pair()
     images = []
     for tau in times - times.mean():

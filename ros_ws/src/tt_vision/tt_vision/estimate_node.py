@@ -13,7 +13,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from tt_core.constants import RPM
 from tt_core.errors import TtError
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, seconds
-from tt_core.ros.params import declare, parameter
+from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
@@ -29,14 +29,16 @@ from .rig import PIXEL_SIZE, high_speed_pair
 class EstimateNode(Node):
     """/camera/{left,right}/image_raw and camera_info -> /ball/measured.
 
-    One ball for each flight, and with `refined` a second one from more frames. `fast` spends less on the spin. The poses of the cameras are
-    the parameters {left,right}.rotation (9 numbers, by rows) and {left,right}.translation (m), (2.3).
+    One ball for each flight, and with `refined` a second one from more frames. `fast` spends less on the spin. The air of `physics` bends
+    the flight between the frames. The poses of the cameras are the parameters {left,right}.rotation (9 numbers, by rows) and
+    {left,right}.translation (m), (2.3).
     """
 
     def __init__(self) -> None:
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
         self.search = SearchParams.fast() if parameter(self, "fast", False) else SearchParams()
+        self.air = declare_physics(self).air
         self.lamps = self._lamps()
         rig = high_speed_pair()
         self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
@@ -94,7 +96,7 @@ class EstimateNode(Node):
             return
         try:
             right = None if alone else burst.right
-            result = measure(burst.left, right, burst.times, cameras, lamps=self.lamps, search=self.search)
+            result = measure(burst.left, right, burst.times, cameras, air=self.air, lamps=self.lamps, search=self.search)
         except TtError as error:
             self._refuse(str(error), last)
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -17,6 +17,8 @@ from .camera import Camera
 LIMB = 0.30  # cosine to the line of sight below which a pixel is not used: two pixels inside the outline
 WHITE = 0.85  # of the fitted light: darker pixels are marks
 HARMONICS = 16  # spherical harmonics up to third order; the second holds 99 % of diffuse light (Ramamoorthi, Hanrahan 2001), not gloss
+GLOSS = 4  # harmonics of what gloss adds: a constant and a slope
+GLOSS_RIDGE = 1e-4  # of the light's weight in the fit, that keeps gloss at zero where the marks do not tell it from light
 LIGHT_STEPS = 6  # of the fit, each leaving out more of the marks
 
 
@@ -42,62 +44,104 @@ class Lamps:
         return np.array([np.vstack([row, [0.0, 0.0, 0.0, self.ambient]]) for row in rows])
 
 
-@njit(cache=True, nogil=True)
-def lit(stack: np.ndarray, normals: np.ndarray, views: Array, lamps: Array) -> np.ndarray:
-    """(images, size, size) grey levels of a white ball, diffuse; each image has a gain of its own, because lamps flicker.
+@dataclass(frozen=True, eq=False)
+class Light:
+    """What lights the ball in the images of a burst.
 
-    stack: (images, size, size), background taken off. normals: (images, size, size, 4). views: (images, 23). lamps: Lamps.seen_by.
+    harmonics: (cameras, 16) grey levels of a white ball by its normal; zero where lamps are known. gloss: (cameras, 4), what shines from
+    marks and white alike. gains: (images,), because lamps flicker. lamps: Lamps.seen_by, (cameras, 0, 4) where they are not known.
     """
-    images, size = stack.shape[0], stack.shape[1]
-    white = np.zeros(stack.shape, dtype=np.float32)
-    ratios = np.empty(size * size)
+
+    harmonics: Array
+    gloss: Array
+    gains: Array
+    lamps: Array
+
+    @classmethod
+    def of(cls, stack: np.ndarray, normals: np.ndarray, views: Array, cameras: Sequence[Camera], lamps: Lamps | None) -> Light:
+        """Fitted to the images, or of known lamps; arrays as in `shade`."""
+        gloss = np.zeros((len(cameras), GLOSS))
+        if lamps is None:
+            harmonics, gains = _fit(stack, normals, len(cameras))
+            return cls(harmonics, gloss, gains, np.zeros((len(cameras), 0, 4)))
+        seen = lamps.seen_by(cameras)
+        return cls(np.zeros((len(cameras), HARMONICS)), gloss, _gains(stack, normals, views, seen), seen)
+
+    @property
+    def known(self) -> bool:
+        """Whether the lamps are."""
+        return self.lamps.shape[1] > 0
+
+    def again(self, stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray) -> Light:
+        """Fitted once more, with gloss, now that the marks are known; albedo: (images, size, size), 0 where it is not. Known lamps stay."""
+        if self.known:
+            return self
+        harmonics, gloss = _fit_to_marks(stack, normals, albedo, self.gains, len(self.harmonics))
+        return replace(self, harmonics=harmonics, gloss=gloss)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def level(x: float, y: float, z: float, cx: float, cy: float, cz: float, h: Array, lamps: Array) -> float:
+    """Grey level, before the gain, of a white ball around (cx, cy, cz) m where its outward normal is (x, y, -z), in the camera's frame.
+
+    h: (16,) harmonics as in `polynomials`, and lamps: (n + 1, 4) of that camera.
+    """
+    if len(lamps) == 0:
+        first = h[0] + x * (h[1] + x * (h[7] + x * h[9] + y * h[10]) + y * (h[4] + y * h[11])) + y * (h[2] + y * (h[8] + y * h[12]))
+        return first + z * (h[3] + x * (h[6] + x * h[13] + y * h[14]) + y * (h[5] + y * h[15]))
+    light = lamps[-1, 3]
+    for k in range(len(lamps) - 1):
+        dx, dy, dz = lamps[k, 0] - cx - BALL_RADIUS * x, lamps[k, 1] - cy - BALL_RADIUS * y, lamps[k, 2] - cz + BALL_RADIUS * z
+        facing, square = dx * x + dy * y - dz * z, dx * dx + dy * dy + dz * dz
+        if facing > 0.0:
+            light += lamps[k, 3] * facing / (square * math.sqrt(square))
+    return light
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def shade(normals: np.ndarray, views: Array, harmonics: Array, gloss: Array, gains: Array, lamps: Array) -> tuple[np.ndarray, np.ndarray]:
+    """(white, shine), both (images, size, size) float32: grey levels of a white ball, and what its gloss adds; 0 off the ball.
+
+    normals: (images, size, size, 4) in the camera's frame, z towards the camera, and the cosine to the line of sight. views: (images, 23).
+    """
+    images, size = normals.shape[0], normals.shape[1]
+    white, sheen = np.zeros(normals.shape[:3], dtype=np.float32), np.zeros(normals.shape[:3], dtype=np.float32)
+    cameras = len(harmonics)
     for m in range(images):
-        of = lamps[m * len(lamps) // images]
-        count = 0
+        c = m * cameras // images
+        of, adds, lit, gain = harmonics[c], gloss[c], lamps[c], gains[m]
+        cx, cy, cz = views[m, 9], views[m, 10], views[m, 11]
         for j in range(size):
             for i in range(size):
-                if normals[m, j, i, 3] <= 0.0:
-                    continue
-                nx, ny, nz = normals[m, j, i, 0], normals[m, j, i, 1], -normals[m, j, i, 2]
-                light = of[-1, 3]
-                for k in range(len(of) - 1):
-                    x = of[k, 0] - views[m, 9] - BALL_RADIUS * nx
-                    y = of[k, 1] - views[m, 10] - BALL_RADIUS * ny
-                    z = of[k, 2] - views[m, 11] - BALL_RADIUS * nz
-                    facing, square = x * nx + y * ny + z * nz, x * x + y * y + z * z
-                    if facing > 0.0:
-                        light += of[k, 3] * facing / (square * math.sqrt(square))
-                white[m, j, i] = light
-                if normals[m, j, i, 3] > 0.5 and light > 0.0 and (i + j) % 3 == 0:
-                    ratios[count] = stack[m, j, i] / light
-                    count += 1
-        gain = np.float32(np.median(ratios[:count])) if count > 0 else np.float32(1.0)
-        white[m] *= gain
-    return white
+                if normals[m, j, i, 3] > 0.0:
+                    x, y, z = normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2]
+                    white[m, j, i] = gain * level(x, y, z, cx, cy, cz, of, lit)
+                    sheen[m, j, i] = gain * (adds[0] + x * adds[1] + y * adds[2] + z * adds[3])
+    return white, sheen
 
 
-@njit(cache=True, nogil=True)
-def fitted(stack: np.ndarray, normals: np.ndarray, cameras: int) -> np.ndarray:
-    """(images, size, size) grey levels of a white ball under the light that fits all images of a camera."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gains(stack: np.ndarray, normals: np.ndarray, views: Array, lamps: Array) -> Array:
+    """(images,) median of grey level over the light of the lamps."""
     images, size = stack.shape[0], stack.shape[1]
-    light, gains = _fit_light(stack, normals, cameras)
-    white, h = np.zeros(stack.shape, dtype=np.float32), np.empty(HARMONICS)
+    gains, ratios, unused = np.ones(images), np.empty(size * size), np.empty(0)
     for m in range(images):
-        of = light[m * cameras // images]
-        for j in range(size):
+        count, lit = 0, lamps[m * len(lamps) // images]
+        cx, cy, cz = views[m, 9], views[m, 10], views[m, 11]
+        for j in range(m % 3, size, 3):
             for i in range(size):
-                if normals[m, j, i, 3] <= 0.0:
-                    continue
-                _harmonics(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
-                value = 0.0
-                for p in range(HARMONICS):
-                    value += of[p] * h[p]
-                white[m, j, i] = value * gains[m]
-    return white
+                if normals[m, j, i, 3] > 0.5:
+                    light = level(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], cx, cy, cz, unused, lit)
+                    if light > 0.0:
+                        ratios[count] = stack[m, j, i] / light
+                        count += 1
+        if count > 0:
+            gains[m] = np.median(ratios[:count])
+    return gains
 
 
-@njit(cache=True, nogil=True)
-def _harmonics(x: float, y: float, z: float, out: Array) -> None:
+@njit(cache=True, nogil=True, error_model="numpy")
+def polynomials(x: float, y: float, z: float, out: Array) -> None:
     """Polynomials that span the spherical harmonics up to third order."""
     out[0], out[1], out[2], out[3] = 1.0, x, y, z
     out[4], out[5], out[6], out[7], out[8] = x * y, y * z, z * x, x * x, y * y
@@ -106,7 +150,7 @@ def _harmonics(x: float, y: float, z: float, out: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _fit_light(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, Array]:
+def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, Array]:
     """(cameras, 16) light on a white surface by its normal, and (images,) gain of each image; marks are left out step by step."""
     images, size = stack.shape[0], stack.shape[1]
     frames = images // cameras
@@ -116,11 +160,11 @@ def _fit_light(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Ar
             a, b = np.zeros((HARMONICS, HARMONICS)), np.zeros(HARMONICS)
             for m in range(c * frames, (c + 1) * frames):
                 above, under = 0.0, 1e-9
-                for j in range(m % 3, size, 3):
-                    for i in range(m % 3, size, 3):
+                for j in range(m % 4, size, 4):
+                    for i in range(m % 4, size, 4):
                         if normals[m, j, i, 3] < LIMB:
                             continue
-                        _harmonics(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
+                        polynomials(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
                         value = stack[m, j, i]
                         if step > 0:
                             white = 0.0
@@ -143,3 +187,35 @@ def _fit_light(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Ar
                     a[q, p] = a[p, q]
             light[c] = np.linalg.solve(a, b)
     return light, gains
+
+
+@njit(cache=True, nogil=True)
+def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, gains: Array, cameras: int) -> tuple[Array, Array]:
+    """(cameras, 16) light and (cameras, 4) gloss with which the marks give the images best, pixel by pixel where `albedo` is known."""
+    images, size = stack.shape[0], stack.shape[1]
+    frames, both = images // cameras, HARMONICS + GLOSS
+    light, gloss, h, row = np.zeros((cameras, HARMONICS)), np.zeros((cameras, GLOSS)), np.empty(HARMONICS), np.empty(both)
+    for c in range(cameras):
+        a, b = np.zeros((both, both)), np.zeros(both)
+        for m in range(c * frames, (c + 1) * frames):
+            for j in range(m % 3, size, 3):
+                for i in range(m % 3, size, 3):
+                    if normals[m, j, i, 3] < LIMB or albedo[m, j, i] <= 0.0:
+                        continue
+                    polynomials(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
+                    for p in range(HARMONICS):
+                        row[p] = gains[m] * albedo[m, j, i] * h[p]
+                    for p in range(GLOSS):
+                        row[HARMONICS + p] = gains[m] * h[p]
+                    for p in range(both):
+                        b[p] += row[p] * stack[m, j, i]
+                        for q in range(p + 1):
+                            a[p, q] += row[p] * row[q]
+        largest = a[0, 0] + 1e-6
+        for p in range(both):
+            a[p, p] += largest * (1e-5 if p < HARMONICS else GLOSS_RIDGE)
+            for q in range(p):
+                a[q, p] = a[p, q]
+        found = np.linalg.solve(a, b)
+        light[c], gloss[c] = found[:HARMONICS], found[HARMONICS:]
+    return light, gloss

@@ -17,12 +17,12 @@ from .centre import Image, Spot, find_ball
 from .light import Lamps
 from .motion import Motion, fit_motion
 from .registration import DEFAULT, SearchParams, prepare
-from .spin import SpinEstimate, check_frames, check_times, estimate_spin
+from .spin import SpinEstimate, check_frames, check_times, spin_and_motion
 
 LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
 MOST_FRAMES = 10  # more add time and no accuracy
 ROUGH = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
-AIR = Aerodynamics.liu()
+AIR = Aerodynamics.measured()
 APART = 3.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
 
 
@@ -60,8 +60,8 @@ def measure(
 ) -> Measurement:
     """left, right: (k, h, w) uint8 or uint16, taken at `times` (k,) s, rising, middle of the exposure. cameras: (left, right).
     One camera alone: `right` is None, `cameras` holds it, and the distance rests on the ball's size; the covariance says so.
-    air: bends the flight between the frames, by 0.02 m/s. lamps: when calibrated; otherwise light is fitted to the burst.
-    search: how much is spent on the spin. spots: [camera][frame], when each frame was looked at as it came.
+    air: bends the flight between the frames, which turns the velocity at the last one by 0.03 m/s. lamps: when calibrated; otherwise light
+    is fitted to the burst. search: how much is spent on the spin. spots: [camera][frame], when each frame was looked at as it came.
 
     Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
     """
@@ -111,7 +111,10 @@ def _fit(
     reason = _doubt(motion)
     if reason:
         return motion, None, reason
-    spin = estimate_spin(frames, times, cameras, motion=motion, spots=spots, lamps=lamps, search=search)
+    try:
+        spin, motion = spin_and_motion(frames, times, cameras, motion, spots, lamps, search)
+    except TtError as error:
+        return motion, None, f"no ball: {error}"
     return motion, spin, spin.reason
 
 

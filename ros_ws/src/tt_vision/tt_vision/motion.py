@@ -17,7 +17,11 @@ from .centre import Image, Spot, outline
 
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
 LEAST_POINTS = 16  # in an image: a quarter of the outline
-SHADED = 25e-6  # m, standard deviation of what all frames share: light that makes one side of the outline brighter
+SHADED = (12e-6, 45e-6)  # m, across and along the lines of sight: what all frames share, light that makes one side of an outline brighter
+KNOWN = 0.5  # of that when the lamps are known
+TRUST = 0.5  # in where the ball is by a second look, where the light at the outline is but extended from what the cameras see within
+THIN = 0.1  # of the acceleration by the air, standard deviation of what is taken for it
+DOUBT = 0.1  # pixels, an offset of a camera that is as likely the outlines' as the calibration's
 FAR = 5.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
 
@@ -42,6 +46,12 @@ class Motion:
     edges: Array
     points: int
 
+    @property
+    def alignment(self) -> Array:
+        """(cameras, 2) pixels, the part of `offsets` that is believed: outlines alone make 0.05 pixels, a calibration that is off 0.3."""
+        square = (self.offsets**2).sum(axis=1, keepdims=True)
+        return np.asarray(self.offsets * square / (square + DOUBT**2))
+
     def positions(self, times: Array) -> Array:
         """(n, 3) m at `times` (n,) s."""
         t = np.asarray(times)[:, None] - self.time
@@ -52,8 +62,14 @@ class Motion:
         tau = np.asarray(times) - self.time
         line = np.linalg.lstsq(np.stack([np.ones_like(tau), tau], axis=1), 0.5 * tau * tau, rcond=None)[0]
         more = np.asarray(acceleration) - self.acceleration
-        position, velocity = self.position - line[0] * more, self.velocity - line[1] * more
-        return replace(self, position=position, velocity=velocity, acceleration=self.acceleration + more)
+        doubt = THIN * np.outer(line, more).ravel()
+        return replace(
+            self,
+            position=self.position - line[0] * more,
+            velocity=self.velocity - line[1] * more,
+            acceleration=self.acceleration + more,
+            covariance=self.covariance + np.outer(doubt, doubt),
+        )
 
 
 def fit_motion(
@@ -76,23 +92,45 @@ def fit_motion(
     state[:6] = _start(spots, tau, cameras, gravity)
     for reach in (0.35, 0.0):
         points = _outlines(frames, spots, tau, vectors, state, gravity, reach)
-        if len(points) < LEAST_POINTS * len(tau) * len(cameras):
-            raise TtError(f"{len(points)} outline points in {len(tau) * len(cameras)} images")
-        try:
-            covariance, residual, offsets = _fit(points, vectors, tau, gravity, state)
-        except np.linalg.LinAlgError:
-            raise TtError("the outlines are of no ball that both cameras see") from None
-        if np.abs(offsets).max() > FAR:
-            raise TtError(f"the cameras do not see the same ball: {np.abs(offsets).max():.1f} pixels apart at first sight")
+        motion = _solved(points, vectors, times, tau, cameras, gravity, state, False)
+    return motion
+
+
+def refit(motion: Motion, points: Array, times: Array, cameras: Sequence[Camera], known: bool) -> Motion:
+    """The same flight by other outline points, (n, 5) camera, frame, pixel and weight. known: whether the lamps are; if not, the outlines
+    so far have a say in where the ball is, not in its velocity. Raises TtError for what is no outline of one ball."""
+    vectors, tau = np.array([camera.vector for camera in cameras]), np.asarray(times) - np.mean(times)
+    state = np.concatenate([motion.positions(np.array([np.mean(times)]))[0], motion.velocity - tau[-1] * motion.acceleration, motion.edges])
+    before = state[:3].copy()
+    found = _solved(points, vectors, times, tau, cameras, motion.acceleration, state, known)
+    return found if known else replace(found, position=found.position + (1.0 - TRUST) * (before - state[:3]))
+
+
+def _solved(
+    points: Array, vectors: Array, times: Array, tau: Array, cameras: Sequence[Camera], gravity: Array, state: Array, known: bool
+) -> Motion:
+    """The least squares from `state` (6 + cameras,), which takes the result. Raises TtError."""
+    if len(points) < LEAST_POINTS * len(tau) * len(cameras):
+        raise TtError(f"{len(points)} outline points in {len(tau) * len(cameras)} images")
+    try:
+        covariance, residual, offsets = _fit(points, vectors, tau, gravity, state)
+    except np.linalg.LinAlgError:
+        raise TtError("the outlines are of no ball that both cameras see") from None
+    if np.abs(offsets).max() > FAR:
+        raise TtError(f"the cameras do not see the same ball: {np.abs(offsets).max():.1f} pixels apart at first sight")
     last = float(tau[-1])
     move = np.eye(6)
     move[:3, 3:] = last * np.eye(3)
     position = state[:3] + last * state[3:6] + 0.5 * last * last * gravity
     velocity = state[3:6] + last * gravity
     covariance = move @ covariance[:6, :6] @ move.T
-    aside = float(np.abs(offsets).max()) * float(np.linalg.norm(position - cameras[0].position)) / cameras[0].focal_pixels
-    covariance[:3, :3] += (SHADED**2 + aside**2) * np.eye(3)  # cameras that disagree do not say which of them is wrong
-    return Motion(float(times[-1]), position, velocity, covariance, gravity, residual, offsets, state[6:], len(points))
+    across, along = np.array(SHADED) * (KNOWN if known else 1.0)
+    sight = np.mean([(position - c.position) / np.linalg.norm(position - c.position) for c in cameras], axis=0)
+    covariance[:3, :3] += across**2 * np.eye(3) + (along**2 - across**2) * np.outer(sight, sight) / (sight @ sight)
+    found = Motion(float(times[-1]), position, velocity, covariance, gravity, residual, offsets, state[6:].copy(), len(points))
+    aside = np.abs(found.alignment).max() * np.linalg.norm(position - cameras[0].position) / cameras[0].focal_pixels
+    covariance[:3, :3] += aside**2 * np.eye(3)  # cameras that disagree do not say which of them is wrong
+    return found
 
 
 def _start(spots: Sequence[Sequence[Spot]], tau: Array, cameras: Sequence[Camera], gravity: Array) -> Array:
@@ -187,7 +225,7 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
     row[6] = -1.0
     for step in range(12):
         r, j, outwards = distances(points, vectors, tau, gravity, state)
-        scale = max(0.08, min(scale, 1.48 * np.median(np.abs(r))))
+        scale = max(0.05, min(scale, 1.48 * np.median(np.abs(r))))
         h[:], g[:] = 0.0, 0.0
         for c in range(6, size):
             h[c, c], g[c] = 1.0 / EDGE_PRIOR**2, state[c] / EDGE_PRIOR**2
@@ -229,4 +267,4 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
         rest = r[i] - offsets[c, 0] * outwards[i, 0] - offsets[c, 1] * outwards[i, 1]
         error += w[i] * rest * rest
         total += w[i]
-    return np.linalg.inv(h), math.sqrt(error / total), offsets
+    return np.linalg.inv(h) * (error / total / scale**2), math.sqrt(error / total), offsets

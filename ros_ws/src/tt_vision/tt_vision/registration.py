@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -19,11 +19,14 @@ from tt_core.states import Array
 
 from .camera import distort
 from .light import LIMB
+from .sphere import cube, fibonacci, nearest
 from .surface import Surface
 
 CELLS = 900  # of the coarse maps, 0.12 rad apart
+EDGE = 48  # texels along the edge of the cube that finds them
 WIDEST = 1.15  # rad between two frames that the search covers: 9,900 rpm at 900 frames a second
 STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 8,700 of them; a mark is 0.4 rad wide
+SIFTING, SIFTED = 2, 400  # pairs of frames on which all candidates are scored, and how many are scored on more
 APART = 0.2  # rad between kept candidates
 STEPS = 12  # of a refinement at most; few marks seen aslant take 8
 NEAR, SETTLED = 6.0, 0.3  # rad/s, last step of the blurred and of the sharp refinement
@@ -39,17 +42,18 @@ class SearchParams:
     kept: int = 5  # candidates that are refined; the right one was first in each of 160 bursts at 9,000 rpm
     coarse_points: int = 500  # on the sphere, in the refinement of the candidates
     fine_points: int = 2500  # on the sphere, in the last refinement
+    second_look: bool = True  # at light and outline, once the marks are known: `look`
 
     @classmethod
     def fast(cls) -> SearchParams:
-        """Two thirds of the time."""
-        return cls(pairs=3, kept=3, coarse_points=400, fine_points=800)
+        """Half the time."""
+        return cls(pairs=3, kept=3, coarse_points=400, fine_points=800, second_look=False)
 
     def __post_init__(self) -> None:
         check_range("pairs", self.pairs, 1, 100)
         check_range("kept", self.kept, 1, 100)
         check_range("coarse_points", self.coarse_points, 100, 100000)
-        check_range("fine_points", self.fine_points, 100, 100000)
+        check_range("fine_points", self.fine_points, 100, 20000)
 
 
 DEFAULT = SearchParams()
@@ -60,13 +64,15 @@ class Registration:
     """spin: (3,) rad/s. information: (3, 3) of the last least squares. candidates: how many rotations were tried.
 
     residual: 0 for marks that agree, 1 for unrelated ones, the larger of neighbouring frames and of all images: cameras that see different
-    balls agree each with itself.
+    balls agree each with itself. marks: (n, 2) brightness at `fibonacci(n)` on the ball as it is turned in the middle of the burst, white
+    is 1, and the weight that it rests on.
     """
 
     spin: Array
     information: Array
     residual: float
     candidates: int
+    marks: Array
 
 
 def register(surface: Surface, search: SearchParams = DEFAULT) -> Registration:
@@ -74,12 +80,17 @@ def register(surface: Surface, search: SearchParams = DEFAULT) -> Registration:
     gaps = np.diff(surface.times)
     gap = float(gaps.min())
     pairs = np.flatnonzero(gaps < 1.5 * gap)  # a lost frame leaves a longer gap
-    values, weights = _maps(surface.marks, surface.weights, surface.views, surface.frame, _cells(), _cube(), len(surface.times))
+    values, weights = _maps(
+        surface.marks, surface.weights, surface.views, surface.frame, fibonacci(CELLS), cube(CELLS, EDGE), len(surface.times)
+    )
     found = []
     for step, params in ((STEP, search), (DENSE_STEP, DEFAULT)):
         rotations, table = _candidates(step)
         scored = pairs[np.linspace(0, len(pairs) - 1, min(params.pairs, len(pairs))).round().astype(np.int64)]
-        scores = _search(values, weights, scored, table, surface.contrast)
+        scores = _search(values, weights, scored[:SIFTING], table, surface.contrast, 2)
+        best = np.argpartition(scores, SIFTED)[:SIFTED]
+        scores[:] = np.inf
+        scores[best] = _search(values, weights, scored, table[best], surface.contrast, 1)
         found.append(_refine(surface, pairs, gap, rotations, scores, params))
         if found[-1].residual < GATE:
             break
@@ -99,7 +110,7 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
             chosen.append(rotations[i])
         if len(chosen) == params.kept:
             break
-    points, fine = _fibonacci(params.coarse_points), _fibonacci(params.fine_points)
+    points, fine = fibonacci(params.coarse_points), fibonacci(params.fine_points)
     s = surface
     where = (s.weights, s.views, s.frame)
     before = firsts(points, pairs, s.soft, *where)
@@ -111,44 +122,42 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
             spin = spin - _step(h, g, 0.1 / gap)
         trials.append((cost, spin))
     spin = min(trials, key=lambda trial: trial[0])[1]
-    for at, marks, enough in ((points, s.soft, NEAR), (fine, s.marks, SETTLED)):
-        for _ in range(STEPS):
-            h, g, error, _ = compare_all(spin, at, marks, *where, s.times)
-            change = _step(h, g, 0.05 / gap)
-            spin = spin - change
-            if np.linalg.norm(change) < enough:
-                break
+    spin, *_ = _settle(s, spin, points, s.soft, NEAR)
+    spin, h, error, drawn = _settle(s, spin, fine, s.marks, NEAR if params.second_look else SETTLED)
     before = firsts(points, pairs, s.marks, *where)
     cost, weight, _, _ = compare_pairs(spin, points, before, pairs, s.marks, *where, s.times, 0.0)
     seen = weight > LEAST_OVERLAP * float((before[..., 1] ** 2).sum())
     residual = max(cost / (2.0 * weight), error) / s.contrast if seen else 1.0
-    return Registration(spin, DEFAULT.fine_points / params.fine_points * h / max(error, 1e-12), residual, len(rotations))
+    return Registration(spin, _information(h, error, params), residual, len(rotations), drawn)
+
+
+def again(surface: Surface, found: Registration, search: SearchParams = DEFAULT, enough: float = SETTLED) -> Registration:
+    """`found` on a surface that is known better now, until a step is shorter than `enough` rad/s."""
+    spin, h, error, drawn = _settle(surface, found.spin, fibonacci(search.fine_points), surface.marks, enough)
+    return replace(found, spin=spin, information=_information(h, error, search), marks=drawn)
+
+
+def _settle(s: Surface, spin: Array, points: Array, marks: np.ndarray, enough: float) -> tuple[Array, Array, float, Array]:
+    """Gauss-Newton on all images from `spin` until a step is shorter than `enough` rad/s: the spin, and of
+    `compare_all` the normal matrix, the mean square and the marks."""
+    most = 0.05 / float(np.diff(s.times).min())
+    for _ in range(STEPS):
+        h, g, error, drawn = compare_all(spin, points, marks, s.weights, s.views, s.frame, s.times)
+        change = _step(h, g, most)
+        spin = spin - change
+        if np.linalg.norm(change) < enough:
+            break
+    return spin, h, error, drawn
+
+
+def _information(h: Array, error: float, search: SearchParams) -> Array:
+    return DEFAULT.fine_points / search.fine_points * h / max(error, 1e-12)
 
 
 def _step(h: Array, g: Array, most: float) -> Array:
     """The Gauss-Newton step, at most `most` long."""
     step = np.linalg.solve(h + (1e-9 * np.trace(h) + 1e-30) * np.eye(3), g)
     return step * min(1.0, most / max(float(np.linalg.norm(step)), 1e-12))
-
-
-@functools.cache
-def _fibonacci(n: int) -> Array:
-    """(n, 3) unit vectors, evenly spread."""
-    i = np.arange(n) + 0.5
-    z = 1.0 - 2.0 * i / n
-    angle = math.pi * (3.0 - math.sqrt(5.0)) * i
-    return np.stack([np.sqrt(1.0 - z * z) * np.cos(angle), np.sqrt(1.0 - z * z) * np.sin(angle), z], axis=1)
-
-
-@functools.cache
-def _cells() -> Array:
-    return _fibonacci(CELLS)
-
-
-@functools.cache
-def _cube() -> np.ndarray:
-    """(6, 48, 48) nearest cell for each direction on a cube."""
-    return _make_cube(_cells(), 48)
 
 
 @functools.cache
@@ -160,36 +169,7 @@ def _candidates(step: float) -> tuple[Array, np.ndarray]:
     grid = np.stack(np.meshgrid(i, i, i, indexing="ij"), axis=-1).reshape(-1, 3)
     lattice = np.concatenate([grid, grid + edge / 2])
     rotations = np.ascontiguousarray(lattice[np.linalg.norm(lattice, axis=1) <= WIDEST])
-    return rotations, _make_table(rotations, _cells(), _cube())
-
-
-@njit(cache=True, nogil=True)
-def _lookup(cube: np.ndarray, x: float, y: float, z: float) -> int:
-    n = cube.shape[1]
-    ax, ay, az = abs(x), abs(y), abs(z)
-    if ax >= ay and ax >= az:
-        face, u, v, w = 0, y, z, x
-    elif ay >= az:
-        face, u, v, w = 2, z, x, y
-    else:
-        face, u, v, w = 4, x, y, z
-    if w < 0.0:
-        face, w = face + 1, -w
-    return cube[face, min(n - 1, int((u / w + 1.0) * 0.5 * n)), min(n - 1, int((v / w + 1.0) * 0.5 * n))]
-
-
-@njit(cache=True, nogil=True)
-def _make_cube(cells: Array, n: int) -> np.ndarray:
-    cube = np.empty((6, n, n), dtype=np.int16)
-    for face in range(6):
-        sign = 1.0 if face % 2 == 0 else -1.0
-        for i in range(n):
-            for j in range(n):
-                u, v = (2.0 * i + 1.0) / n - 1.0, (2.0 * j + 1.0) / n - 1.0
-                d = np.empty(3)
-                d[face // 2], d[(face // 2 + 1) % 3], d[(face // 2 + 2) % 3] = sign, u, v
-                cube[face, i, j] = np.argmax(cells @ d)
-    return cube
+    return rotations, _make_table(rotations, fibonacci(CELLS), cube(CELLS, EDGE))
 
 
 @njit(cache=True, nogil=True)
@@ -224,7 +204,7 @@ def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
         m = rotation_matrix(rotations[r])
         for i in range(len(cells)):
             x, y, z = cells[i]
-            table[r, i] = _lookup(
+            table[r, i] = nearest(
                 cube,
                 m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
                 m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
@@ -233,7 +213,7 @@ def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
     return table
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _maps(
     marks: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray, cells: Array, cube: np.ndarray, frames: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -253,7 +233,7 @@ def _maps(
                 a, b = (i - u0) / scale, (j - v0) / scale
                 c = -math.sqrt(max(0.0, 1.0 - a * a - b * b))
                 a, b, c = a + sx * c, b + sy * c, c - sx * a - sy * b
-                cell = _lookup(
+                cell = nearest(
                     cube,
                     views[m, 0] * a + views[m, 3] * b + views[m, 6] * c,
                     views[m, 1] * a + views[m, 4] * b + views[m, 7] * c,
@@ -271,10 +251,10 @@ def _maps(
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _search(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: np.ndarray, contrast: float) -> np.ndarray:
+def _search(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: np.ndarray, contrast: float, every: int) -> np.ndarray:
     """(candidates,) sum of weight (difference^2 - 2 contrast) over cells and pairs of frames: unrelated marks score 0, equal ones less."""
     scores = np.zeros(len(table), dtype=np.float32)
-    used = np.flatnonzero(weights.sum(axis=1) > 0.0)
+    used = np.flatnonzero(weights.sum(axis=1) > 0.0)[::every]
     n = len(pairs)
     before, w_before = np.ascontiguousarray(values[:, pairs]), np.ascontiguousarray(weights[:, pairs])
     after, w_after = np.ascontiguousarray(values[:, pairs + 1]), np.ascontiguousarray(weights[:, pairs + 1])
@@ -290,20 +270,15 @@ def _search(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: n
     return scores
 
 
-@njit(cache=True, nogil=True)
-def _facing(views: Array, m: int, x: float, y: float, z: float) -> float:
-    """Cosine between the normal (x, y, z) in `table` and the way to the camera of image m."""
-    return views[m, 20] * x + views[m, 21] * y + views[m, 22] * z
-
-
-@njit(cache=True, nogil=True)
-def _sample(images: np.ndarray, weights: np.ndarray, views: Array, m: int, x: float, y: float, z: float, out: Array) -> bool:
-    """out (5,): value, weight and gradient with respect to the normal (x, y, z) in `table`. False where image m does not show it."""
-    if _facing(views, m, x, y, z) < LIMB:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sample(images: np.ndarray, weights: np.ndarray, views: Array, m: int, nx: float, ny: float, nz: float, out: Array) -> bool:
+    """out (5,): value, weight and gradient with respect to the normal (nx, ny, nz), all in the camera's frame. False where image m does not
+    show it."""
+    cx, cy, cz = views[m, 9], views[m, 10], views[m, 11]
+    towards = -(nx * cx + ny * cy + nz * cz)
+    if towards < 0.0 or towards * towards < LIMB * LIMB * (cx * cx + cy * cy + cz * cz):
         return False
-    px = views[m, 9] + BALL_RADIUS * (views[m, 0] * x + views[m, 1] * y + views[m, 2] * z)
-    py = views[m, 10] + BALL_RADIUS * (views[m, 3] * x + views[m, 4] * y + views[m, 5] * z)
-    pz = views[m, 11] + BALL_RADIUS * (views[m, 6] * x + views[m, 7] * y + views[m, 8] * z)
+    px, py, pz = cx + BALL_RADIUS * nx, cy + BALL_RADIUS * ny, cz + BALL_RADIUS * nz
     u, v = distort(px / pz, py / pz, views[m, 15], views[m, 16], views[m, 17], views[m, 18], views[m, 19])
     u, v = views[m, 12] * u + views[m, 13], views[m, 12] * v + views[m, 14]
     i, j = int(u), int(v)
@@ -332,29 +307,34 @@ def _sample(images: np.ndarray, weights: np.ndarray, views: Array, m: int, x: fl
         + q11 * (images[m, j + 2, i + 1] - i10)
     )
     scale = 0.5 * views[m, 12] * BALL_RADIUS / pz
-    gx, gy = scale * gu, scale * gv
-    gz = -(gx * px + gy * py) / pz
-    out[2] = views[m, 0] * gx + views[m, 3] * gy + views[m, 6] * gz
-    out[3] = views[m, 1] * gx + views[m, 4] * gy + views[m, 7] * gz
-    out[4] = views[m, 2] * gx + views[m, 5] * gy + views[m, 8] * gz
+    out[2], out[3] = scale * gu, scale * gv
+    out[4] = -(out[2] * px + out[3] * py) / pz
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _best(
     frame: int, x: float, y: float, z: float, images: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray, out: Array
 ) -> bool:
-    """The sample of the camera that sees the point best in `frame`."""
+    """The sample (5,) of the camera that sees the point (x, y, z), in `table`, best in `frame`; its gradient is in `table`, too."""
     best, cosine = -1, LIMB
     for m in range(len(images)):
         if frame_of[m] == frame:
-            facing = _facing(views, m, x, y, z)
+            facing = views[m, 20] * x + views[m, 21] * y + views[m, 22] * z
             if facing > cosine:
                 best, cosine = m, facing
-    return best >= 0 and _sample(images, weights, views, best, x, y, z, out)
+    if best < 0:
+        return False
+    v = views[best]
+    nx, ny, nz = v[0] * x + v[1] * y + v[2] * z, v[3] * x + v[4] * y + v[5] * z, v[6] * x + v[7] * y + v[8] * z
+    if not _sample(images, weights, views, best, nx, ny, nz, out):
+        return False
+    gx, gy, gz = out[2], out[3], out[4]
+    out[2], out[3], out[4] = v[0] * gx + v[3] * gy + v[6] * gz, v[1] * gx + v[4] * gy + v[7] * gz, v[2] * gx + v[5] * gy + v[8] * gz
+    return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def firsts(points: Array, pairs: np.ndarray, images: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray) -> Array:
     """(pairs, points, 2) value and weight of each point in the first frame of each pair; weight 0 where it is not seen."""
     out, sample = np.zeros((len(pairs), len(points), 2)), np.empty(5)
@@ -365,7 +345,7 @@ def firsts(points: Array, pairs: np.ndarray, images: np.ndarray, weights: np.nda
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def compare_pairs(
     spin: Array,
     points: Array,
@@ -414,20 +394,29 @@ def compare_pairs(
 
 
 @njit(cache=True, nogil=True)
+def turned(spin: Array, views: Array, frame_of: np.ndarray, times: Array) -> Array:
+    """(images, 3, 3): from the ball as it is turned at time 0 to the camera's frame at each image."""
+    out = np.empty((len(views), 3, 3))
+    for m in range(len(views)):
+        out[m] = views[m, :9].copy().reshape(3, 3) @ rotation_matrix(spin * times[frame_of[m]])
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def compare_all(
     spin: Array, points: Array, images: np.ndarray, weights: np.ndarray, views: Array, frame_of: np.ndarray, times: Array
-) -> tuple[Array, Array, float, float]:
+) -> tuple[Array, Array, float, Array]:
     """All images compared with the marks that fit them best, point by point on the ball: normal equations with respect to the spin, the
-    marks eliminated (variable projection), mean squared error and weight.
+    marks eliminated (variable projection), the mean squared error, and (n, 2) those marks and the weight that each rests on.
 
     points: (n, 3) unit vectors on the ball as it is turned at time 0.
     """
     count = len(images)
-    turns, lefts = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    turns, arms = turned(spin, views, frame_of, times), np.empty((count, 3, 3))
     for m in range(count):
         t = times[frame_of[m]]
-        turns[m], lefts[m] = rotation_matrix(spin * t), t * left_jacobian(spin * t)
-    h, g, error, total = np.zeros((3, 3)), np.zeros(3), 0.0, 0.0
+        arms[m] = t * (views[m, :9].copy().reshape(3, 3) @ left_jacobian(spin * t)).T
+    h, g, error, total, marks = np.zeros((3, 3)), np.zeros(3), 0.0, 0.0, np.zeros((len(points), 2))
     values, mass, rows, sample = np.empty(count), np.empty(count), np.empty((count, 3)), np.empty(5)
     for i in range(len(points)):
         p, q, s = points[i, 0], points[i, 1], points[i, 2]
@@ -440,7 +429,7 @@ def compare_all(
                 continue
             c0, c1, c2 = y * sample[4] - z * sample[3], z * sample[2] - x * sample[4], x * sample[3] - y * sample[2]
             for a in range(3):
-                rows[seen, a] = lefts[m, 0, a] * c0 + lefts[m, 1, a] * c1 + lefts[m, 2, a] * c2
+                rows[seen, a] = arms[m, a, 0] * c0 + arms[m, a, 1] * c1 + arms[m, a, 2] * c2
             values[seen], mass[seen] = sample[0], sample[1]
             sw += sample[1]
             sv += sample[1] * sample[0]
@@ -448,6 +437,8 @@ def compare_all(
             s1 += sample[1] * rows[seen, 1]
             s2 += sample[1] * rows[seen, 2]
             seen += 1
+        if seen > 0:
+            marks[i, 0], marks[i, 1] = sv / sw, sw
         if seen < 2:
             continue
         for m in range(seen):
@@ -465,4 +456,4 @@ def compare_all(
             error += w * e * e
             total += w
     h[1, 0], h[2, 0], h[2, 1] = h[0, 1], h[0, 2], h[1, 2]
-    return h, g, error / max(total, 1e-12), total
+    return h, g, error / max(total, 1e-12), marks

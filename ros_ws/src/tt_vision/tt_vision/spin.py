@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.constants import RPM
 from tt_core.errors import BadShape, TtError, check_array
 from tt_core.states import Array
 
 from .camera import Camera
 from .centre import Image, Spot, find_ball
 from .light import Lamps
+from .look import look_again
 from .motion import Motion, fit_motion
 from .printed import method_1, method_2
 from .registration import DEFAULT, GATE, SearchParams, register
 from .surface import DULL, unwrap
 
-SYSTEMATIC = 3.5 * RPM  # rad/s, standard deviation of what noise does not explain: light, centres
-CORRELATED = 4.0  # neighbouring points share pixels: the least squares counts each pixel about four times
+SYSTEMATIC = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
+CORRELATED = 1.5  # neighbouring points share pixels: the least squares counts each pixel that often
+KNOWN, FIRST, ALONE = 0.75, 1.5, 3.0  # times SYSTEMATIC: with known lamps, without a second look, with one camera
 UNKNOWN = 1e6  # (rad/s)^2
 PRINTED = {"liu": method_2, "correlation": method_1}
 
@@ -67,32 +68,36 @@ def estimate_spin(
             if spot.reason is not None:
                 return refused(spot.reason)
     if method == "registration":
-        motion = motion or fit_motion(frames, spots, times, cameras)
-        return _by_registration(frames, times, cameras, motion, spots, lamps, search)
+        return spin_and_motion(frames, times, cameras, motion or fit_motion(frames, spots, times, cameras), spots, lamps, search)[0]
     if method in PRINTED:
         spin, residual, iterations = PRINTED[method](frames, spots, times, cameras)
         return SpinEstimate(spin, UNKNOWN * np.eye(3), residual, None, iterations)
     raise TtError(f"method {method!r} is none of 'registration', 'liu', 'correlation'")
 
 
-def _by_registration(
+def spin_and_motion(
     frames: Sequence[Sequence[Image]],
     times: Array,
     cameras: Sequence[Camera],
     motion: Motion,
     spots: Sequence[Sequence[Spot]],
-    lamps: Lamps | None,
-    search: SearchParams,
-) -> SpinEstimate:
+    lamps: Lamps | None = None,
+    search: SearchParams = DEFAULT,
+) -> tuple[SpinEstimate, Motion]:
+    """The spin by registration, and the motion, which is better known with it: arguments as those of `estimate_spin`, all checked."""
     backgrounds = np.array([[spot.background for spot in row] for row in spots])
-    surface = unwrap(frames, backgrounds, motion.positions(times), motion.offsets, times - np.mean(times), cameras, lamps)
+    surface = unwrap(frames, backgrounds, motion.positions(times), motion.alignment, times - np.mean(times), cameras, lamps)
     if surface.contrast < DULL:
-        return refused("no marks on the ball")
+        return refused("no marks on the ball"), motion
     found = register(surface, search)
     if found.residual > GATE:
-        return refused(f"marks do not agree between frames (residual {found.residual:.2f})", found.residual, found.candidates)
-    covariance = CORRELATED * np.linalg.inv(found.information) + SYSTEMATIC**2 * np.eye(3)
-    return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates)
+        return refused(f"marks do not agree between frames (residual {found.residual:.2f})", found.residual, found.candidates), motion
+    if search.second_look:
+        found, motion = look_again(frames, spots, times, cameras, surface, found, motion, search)
+    certain = (FIRST if not search.second_look else 1.0 if lamps is None else KNOWN) * (ALONE if len(cameras) == 1 else 1.0)
+    systematic = certain * np.hypot(SYSTEMATIC[0], SYSTEMATIC[1] * np.linalg.norm(found.spin))
+    covariance = CORRELATED * np.linalg.inv(found.information) + systematic**2 * np.eye(3)
+    return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates), motion
 
 
 def refused(reason: str, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ from tt_core.states import Array
 
 from .camera import Camera, project_point, ray
 from .centre import Image
-from .light import LIMB, Lamps, fitted, lit
+from .light import LIMB, Lamps, Light, shade
 
 FULL = 0.55  # and above which it counts fully
 DIM = 0.15  # of the brightest light: below it marks drown in noise
@@ -30,7 +30,8 @@ class Surface:
     marks, soft: (images, n, n) float32, cut out around the ball; `soft` is blurred, for coarse search. weights: (images, n, n), 0 where
     nothing is known. views: (images, 23), as Camera.vector but with the ball's centre, aligned to its outline, in place of the translation
     and the principal point counted from the cut's corner; then the unit vector from ball to camera in `table`. frame: (images,) which.
-    times: (frames,) s from the middle of the burst. contrast, soft_contrast: variances of `marks` and `soft`.
+    times: (frames,) s from the middle of the burst. contrast, soft_contrast: variances of `marks` and `soft`. stack: (images, n, n) float32
+    grey levels over the background, and normals: (images, n, n, 4), from which marks came by `light`.
     """
 
     marks: np.ndarray
@@ -41,41 +42,55 @@ class Surface:
     times: Array
     contrast: float
     soft_contrast: float
+    stack: np.ndarray
+    normals: np.ndarray
+    light: Light
+
+    def lit(self, light: Light) -> Surface:
+        """Marks and weights under another light; `soft` is left as it is."""
+        white, shine = shade(self.normals, self.views, light.harmonics, light.gloss, light.gains, light.lamps)
+        marks, weights = _divide(self.stack, self.normals, white, shine)
+        return replace(self, marks=marks, weights=weights, light=light)
+
+    def at(self, positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Surface:
+        """The same marks on a ball that is elsewhere, by a part of a pixel."""
+        views = self.views.copy()
+        for view, fresh in zip(views, _views(positions, alignment, cameras), strict=True):
+            view[9:12], view[20:] = fresh[9:12], fresh[20:]
+        return replace(self, views=views)
 
 
 def unwrap(
     frames: Sequence[Sequence[Image]],
     backgrounds: Array,
     positions: Array,
-    offsets: Array,
+    alignment: Array,
     times: Array,
     cameras: Sequence[Camera],
     lamps: Lamps | None = None,
 ) -> Surface:
-    """frames: [camera][frame]. backgrounds: (cameras, frames) grey levels. positions: (frames, 3) m. offsets: (cameras, 2) pixels.
+    """frames: [camera][frame]. backgrounds: (cameras, frames) grey levels. positions: (frames, 3) m. alignment: (cameras, 2) pixels.
     lamps: where they are known; without them the light is fitted to the burst."""
-    views, cuts = [], []
-    for c, camera in enumerate(cameras):
-        at = positions @ camera.rotation.T + camera.translation
-        at[:, :2] += offsets[c] * at[:, 2:] / camera.focal_pixels
-        views += [_view(camera, centre) for centre in at]
-    reach = max(view[12] * BALL_RADIUS / view[11] for view in views)
+    table, cuts = _views(positions, alignment, cameras), []
+    reach = float((table[:, 12] * BALL_RADIUS / table[:, 11]).max())
     size = 2 * (math.ceil(reach) + BORDER) + 1
     count = len(positions)
-    for m, view in enumerate(views):
+    for m, view in enumerate(table):
         corner = [round(x) - size // 2 for x in project_point(view, *view[9:12])]
         view[13:15] -= corner
         cuts.append(_cut(frames[m // count][m % count], corner, size) - np.float32(backgrounds[m // count, m % count]))
-    stack, table = np.array(cuts, dtype=np.float32), np.array(views)
+    stack = np.array(cuts, dtype=np.float32)
     normals = _normals(size, table)
-    white = fitted(stack, normals, len(cameras)) if lamps is None else lit(stack, normals, table, lamps.seen_by(cameras))
-    marks, weights = _divide(stack, normals, white)
+    light = Light.of(stack, normals, table, cameras, lamps)
+    white, shine = shade(normals, table, light.harmonics, light.gloss, light.gains, light.lamps)
+    marks, weights = _divide(stack, normals, white, shine)
     soft = np.empty_like(marks)
     for m in range(len(marks)):
         mass = cv2.GaussianBlur(weights[m], (0, 0), SOFT)
         soft[m] = cv2.GaussianBlur(marks[m] * weights[m], (0, 0), SOFT) / np.maximum(mass, 1e-3)
-    frame, from_middle = np.arange(len(views)) % count, np.asarray(times, dtype=np.float64)
-    return Surface(marks, soft, weights, table, frame, from_middle, _variance(marks, weights), _variance(soft, weights))
+    frame, from_middle = np.arange(len(table)) % count, np.asarray(times, dtype=np.float64)
+    contrast, soft_contrast = _variance(marks, weights), _variance(soft, weights)
+    return Surface(marks, soft, weights, table, frame, from_middle, contrast, soft_contrast, stack, normals, light)
 
 
 def _variance(values: np.ndarray, weights: np.ndarray) -> float:
@@ -84,10 +99,17 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> float:
     return float((weights * (values - mean) ** 2).sum()) / total
 
 
-def _view(camera: Camera, centre: Array) -> Array:
-    vector = np.append(camera.vector, -(centre @ camera.rotation) / np.linalg.norm(centre))
-    vector[9:12] = centre
-    return vector
+def _views(positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Array:
+    """(images, 23), Surface.views with the principal point still counted from the image's corner."""
+    out = []
+    for camera, (du, dv) in zip(cameras, alignment, strict=True):
+        centres = positions @ camera.rotation.T + camera.translation
+        centres[:, 0] += du * centres[:, 2] / camera.focal_pixels
+        centres[:, 1] += dv * centres[:, 2] / camera.focal_pixels
+        view = np.tile(camera.vector, (len(centres), 1))
+        view[:, 9:12] = centres
+        out.append(np.hstack([view, -(centres @ camera.rotation) / np.linalg.norm(centres, axis=1, keepdims=True)]))
+    return np.concatenate(out)
 
 
 def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
@@ -99,7 +121,7 @@ def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
     return image[np.clip(np.arange(v, v + size), 0, height - 1)[:, None], np.clip(np.arange(u, u + size), 0, width - 1)]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _normals(size: int, views: Array) -> np.ndarray:
     """(images, size, size, 4) float32: outward unit normal in the camera's frame and its cosine to the line of sight; 0 off the ball."""
     out = np.zeros((len(views), size, size, 4), dtype=np.float32)
@@ -125,9 +147,9 @@ def _normals(size: int, views: Array) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True)
-def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(marks, weights), both (images, size, size) float32. white: grey levels of an unmarked ball."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, shine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(marks, weights), both (images, size, size) float32. white, shine: `shade`."""
     marks, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
     top = stack.max()
     for m in range(len(stack)):
@@ -136,7 +158,7 @@ def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray) -> tuple[
                 cosine, light = normals[m, j, i, 3], white[m, j, i] / top
                 if cosine <= 0.05 or light < DIM:
                     continue
-                marks[m, j, i] = min(1.5, max(-0.3, stack[m, j, i] / white[m, j, i]))
+                marks[m, j, i] = min(1.5, max(-0.3, (stack[m, j, i] - shine[m, j, i]) / white[m, j, i]))
                 seen = min(1.0, max(0.0, (cosine - LIMB) / (FULL - LIMB)))
                 weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (light / 0.5) ** 2)
     return marks, weights

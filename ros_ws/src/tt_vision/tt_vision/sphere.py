@@ -1,0 +1,55 @@
+"""Points spread evenly over a sphere, and which of them is nearest to a direction."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+from numba import njit
+from tt_core.states import Array
+
+
+@functools.cache
+def fibonacci(n: int) -> Array:
+    """(n, 3) unit vectors, evenly spread."""
+    i = np.arange(n) + 0.5
+    z = 1.0 - 2.0 * i / n
+    angle = math.pi * (3.0 - math.sqrt(5.0)) * i
+    return np.stack([np.sqrt(1.0 - z * z) * np.cos(angle), np.sqrt(1.0 - z * z) * np.sin(angle), z], axis=1)
+
+
+@functools.cache
+def cube(n: int, edge: int) -> np.ndarray:
+    """(6, edge, edge) the nearest of fibonacci(n) for each direction on a cube."""
+    return _make_cube(fibonacci(n), edge)
+
+
+@njit(cache=True, nogil=True)
+def nearest(cube: np.ndarray, x: float, y: float, z: float) -> int:
+    """The point nearest to the direction (x, y, z), to a texel of the cube."""
+    n = cube.shape[1]
+    ax, ay, az = abs(x), abs(y), abs(z)
+    if ax >= ay and ax >= az:
+        face, u, v, w = 0, y, z, x
+    elif ay >= az:
+        face, u, v, w = 2, z, x, y
+    else:
+        face, u, v, w = 4, x, y, z
+    if w < 0.0:
+        face, w = face + 1, -w
+    return cube[face, min(n - 1, int((u / w + 1.0) * 0.5 * n)), min(n - 1, int((v / w + 1.0) * 0.5 * n))]
+
+
+@njit(cache=True, nogil=True)
+def _make_cube(points: Array, n: int) -> np.ndarray:
+    cube = np.empty((6, n, n), dtype=np.int16)
+    for face in range(6):
+        sign = 1.0 if face % 2 == 0 else -1.0
+        for i in range(n):
+            for j in range(n):
+                u, v = (2.0 * i + 1.0) / n - 1.0, (2.0 * j + 1.0) / n - 1.0
+                d = np.empty(3)
+                d[face // 2], d[(face // 2 + 1) % 3], d[(face // 2 + 2) % 3] = sign, u, v
+                cube[face, i, j] = np.argmax(points @ d)
+    return cube
