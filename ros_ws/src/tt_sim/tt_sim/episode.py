@@ -82,7 +82,7 @@ class Trial:
             burst = assembler.add(side, stamp, image)
             if burst is not None:
                 air = self.scenario.robot.physics.air
-                measurement = measure(burst.left, burst.right, burst.times, self.cameras, air=air)
+                measurement = measure(burst.left, burst.right, burst.times, self.cameras, air=air, spots=burst.spots)
                 return measurement, measurement.ball
         return None, None
 

@@ -9,10 +9,11 @@ import numpy as np
 from tt_core.errors import TtError, check_range
 from tt_core.states import Array
 
-from .centre import Image, find_ball
+from .centre import Image, Spot, find_ball
 from .measure import LEAST_FRAMES, MOST_FRAMES
 
 SIDES = ("left", "right")
+Seen = tuple[Image, Spot] | None  # an image that shows a whole ball, and where; None when it does not
 WHOLE_AGAIN = 1.0  # s that stamps may jump back before it is taken as a new recording
 
 
@@ -40,12 +41,13 @@ class BurstParams:
 
 @dataclass(frozen=True, eq=False)
 class Burst:
-    """left, right: (k, h, w), both the same of one camera alone. times: (k,) s, rising, of the left camera's clock. refined: whether the
-    same ball has had a shorter burst."""
+    """left, right: (k, h, w), both the same of one camera alone. times: (k,) s, rising, of the left camera's clock. spots: [camera][frame],
+    looked at as the images came. refined: whether the same ball has had a shorter burst."""
 
     left: np.ndarray
     right: np.ndarray
     times: Array
+    spots: list[list[Spot]]
     refined: bool = False
 
 
@@ -67,8 +69,8 @@ class Assembler:
 
     params: BurstParams = field(default_factory=BurstParams)
     counts: Counts = field(default_factory=Counts)
-    _waiting: tuple[deque[tuple[float, Image | None]], ...] = field(default_factory=lambda: (deque(), deque()))
-    _pairs: list[tuple[float, Image, Image]] = field(default_factory=list)
+    _waiting: tuple[deque[tuple[float, Seen]], ...] = field(default_factory=lambda: (deque(), deque()))
+    _pairs: list[tuple[float, tuple[Image, Spot], tuple[Image, Spot]]] = field(default_factory=list)
     _last: float = -np.inf  # newest stamp that showed a ball
     _given: int = 0  # bursts that the present ball has had
     _used: int = 0  # pairs in the last of them
@@ -78,7 +80,9 @@ class Assembler:
         if self.params.alone and SIDES[side] != self.params.alone:
             return None
         time += side * self.params.clock_offset
-        reason = find_ball(image).reason
+        spot = find_ball(image)
+        reason = spot.reason
+        seen = (image, spot) if reason is None else None
         leaving = reason is not None and reason.startswith("ball")
         if time < self._last - WHOLE_AGAIN:
             self._renew()
@@ -97,27 +101,26 @@ class Assembler:
             self.counts.duplicate += 1
             return None
         if self.params.alone:
-            seen = image if reason is None else None
             return self._pair(0, time, seen, seen, leaving)
         for entry in other:
             if abs(entry[0] - time) <= self.params.pairing:
                 other.remove(entry)
-                return self._pair(side, min(time, entry[0]), image if reason is None else None, entry[1], leaving)
-        mine.append((time, image if reason is None else None))
+                return self._pair(side, min(time, entry[0]), seen, entry[1], leaving)
+        mine.append((time, seen))
         for queue in self._waiting:
             while queue and queue[0][0] < time - self.params.gap:
                 self.counts.unpaired += queue.popleft()[1] is not None
         return None
 
-    def _pair(self, side: int, time: float, image: Image | None, partner: Image | None, leaving: bool) -> Burst | None:
-        if image is None or partner is None:
-            self.counts.not_whole += leaving or image is not partner
+    def _pair(self, side: int, time: float, seen: Seen, partner: Seen, leaving: bool) -> Burst | None:
+        if seen is None or partner is None:
+            self.counts.not_whole += leaving or seen is not partner
             enough = len(self._pairs) >= max(LEAST_FRAMES, self._used + 1) and all(time > at for at, *_ in self._pairs)
             return self._burst() if leaving and enough and self._wanted() else None
         if not self._wanted():
             self.counts.spare += 1
             return None
-        self._pairs.append((time, image, partner) if side == 0 else (time, partner, image))
+        self._pairs.append((time, seen, partner) if side == 0 else (time, partner, seen))
         return self._burst() if len(self._pairs) >= self._wanted() else None
 
     def _wanted(self) -> int:
@@ -131,14 +134,15 @@ class Assembler:
         if not self._wanted():
             self._pairs, self._given = [], 2
         return Burst(
-            np.array(left),
-            np.array(right),
+            np.array([image for image, _ in left]),
+            np.array([image for image, _ in right]),
             np.array(times),
+            [[spot for _, spot in side] for side in (left, right)],
             self._given == 2 and self.params.refined > 0 and self._used > self.params.frames,
         )
 
     def _renew(self) -> None:
         for queue in self._waiting:
-            self.counts.unpaired += sum(image is not None for _, image in queue)
+            self.counts.unpaired += sum(seen is not None for _, seen in queue)
             queue.clear()
         self._pairs, self._given, self._used = [], 0, 0

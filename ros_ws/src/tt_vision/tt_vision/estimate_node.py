@@ -95,8 +95,16 @@ class EstimateNode(Node):
             self._refuse("no camera_info yet", last)
             return
         try:
-            right = None if alone else burst.right
-            result = measure(burst.left, right, burst.times, cameras, air=self.air, lamps=self.lamps, search=self.search)
+            result = measure(
+                burst.left,
+                None if alone else burst.right,
+                burst.times,
+                cameras,
+                air=self.air,
+                lamps=self.lamps,
+                search=self.search,
+                spots=burst.spots[: len(wanted)],
+            )
         except TtError as error:
             self._refuse(str(error), last)
             return

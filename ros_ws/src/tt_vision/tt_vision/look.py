@@ -40,8 +40,8 @@ def look_again(
     found: Registration,
     motion: Motion,
     search: SearchParams,
-) -> tuple[Registration, Motion]:
-    """Spin and motion, better known. frames, spots: [camera][frame]. times: (frames,) s. Raises TtError for what is no ball's outline."""
+) -> tuple[Surface, Registration, Motion]:
+    """Surface, spin and motion, better known. frames, spots: [camera][frame]. times: (frames,) s. Raises TtError for what is no outline."""
     texels, light = cube(len(found.marks), EDGE), surface.light
     turns = turned(found.spin, surface.views, surface.frame, surface.times)
     if not light.known:
@@ -61,7 +61,8 @@ def look_again(
         )
         rows.append(np.hstack([np.full((len(edge), 1), c), np.full((len(edge), 1), k), edge]))
     motion = refit(motion, np.concatenate(rows), times, cameras, light.known)
-    return again(surface.at(motion.positions(times), motion.alignment, cameras), found, search), motion
+    surface = surface.at(motion.positions(times), motion.alignment, cameras)
+    return surface, again(surface, found, search), motion
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

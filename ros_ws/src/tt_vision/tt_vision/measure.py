@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tt_core.constants import BALL_RADIUS
@@ -85,7 +85,7 @@ def measure(
     times = times[good]
     motion, spin, reason = _fit(frames, spots, times, cameras, lamps, search)
     if motion is None or spin is None or reason:
-        if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1], lamps, search)[2] is None:
+        if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1], lamps, replace(search, second_look=False))[2] is None:
             reason = "the cameras are swapped"
         return Measurement(None, reason, len(good), left_out, motion, spin)
     motion = motion.bent(air.acceleration(motion.velocity, spin.spin), times)
@@ -138,7 +138,8 @@ def warm(cameras: Sequence[Camera]) -> None:
     frames = [[_draw(camera, start + t * np.array([0.0, 0.0, 2.0]), 100.0 * t) for t in times] for camera in cameras]
     for dtype in (np.uint8, np.uint16):
         left, right = (np.array(images, dtype=dtype) for images in frames)
-        measure(left, right, times, cameras)
+        measure(left, right, times, cameras)  # refused: what is drawn is no ball that both cameras see
+        measure(left, None, times, cameras[:1])
     measure(left, None, times, cameras[:1], lamps=Lamps(start[None] + 1.0, np.ones(1), 1.0))
     prepare()
 

@@ -20,6 +20,9 @@ LEAST_POINTS = 16  # in an image: a quarter of the outline
 SHADED = (12e-6, 45e-6)  # m, across and along the lines of sight: what all frames share, light that makes one side of an outline brighter
 KNOWN = 0.5  # of that when the lamps are known
 TRUST = 0.5  # in where the ball is by a second look, where the light at the outline is but extended from what the cameras see within
+VAGUE = (
+    0.4  # pixels rms of outlines that have no say in where the ball is; 0.1 to 0.3 are usual, 0.8 where one lamp leaves half in the dark
+)
 THIN = 0.1  # of the acceleration by the air, standard deviation of what is taken for it
 DOUBT = 0.1  # pixels, an offset of a camera that is as likely the outlines' as the calibration's
 FAR = 5.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
@@ -98,12 +101,12 @@ def fit_motion(
 
 def refit(motion: Motion, points: Array, times: Array, cameras: Sequence[Camera], known: bool) -> Motion:
     """The same flight by other outline points, (n, 5) camera, frame, pixel and weight. known: whether the lamps are; if not, the outlines
-    so far have a say in where the ball is, not in its velocity. Raises TtError for what is no outline of one ball."""
+    so far, unless VAGUE, have a say in where the ball is, not in its velocity. Raises TtError for what is no outline of one ball."""
     vectors, tau = np.array([camera.vector for camera in cameras]), np.asarray(times) - np.mean(times)
     state = np.concatenate([motion.positions(np.array([np.mean(times)]))[0], motion.velocity - tau[-1] * motion.acceleration, motion.edges])
     before = state[:3].copy()
     found = _solved(points, vectors, times, tau, cameras, motion.acceleration, state, known)
-    return found if known else replace(found, position=found.position + (1.0 - TRUST) * (before - state[:3]))
+    return found if known or motion.residual > VAGUE else replace(found, position=found.position + (1.0 - TRUST) * (before - state[:3]))
 
 
 def _solved(

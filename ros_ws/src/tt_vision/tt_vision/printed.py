@@ -50,6 +50,12 @@ def centres_by_four_points(
     return pixels, triangulate(cameras, pixels)
 
 
+def velocity_by_least_squares(positions: Array, times: Array) -> Array:
+    """(3,) m/s of the straight line through positions (k, 3) m at times (k,) s, without gravity, Section 2.2."""
+    tau = times - times.mean()
+    return np.asarray(tau @ (positions - positions.mean(axis=0)) / (tau @ tau))
+
+
 def method_2(
     frames: Sequence[Sequence[Image]],
     spots: Sequence[Sequence[Spot]],

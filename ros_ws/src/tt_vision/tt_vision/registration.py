@@ -77,9 +77,7 @@ class Registration:
 
 def register(surface: Surface, search: SearchParams = DEFAULT) -> Registration:
     """The spin of the ball; residual above GATE means that none was found."""
-    gaps = np.diff(surface.times)
-    gap = float(gaps.min())
-    pairs = np.flatnonzero(gaps < 1.5 * gap)  # a lost frame leaves a longer gap
+    gap, pairs = float(np.diff(surface.times).min()), neighbours(surface.times)
     values, weights = _maps(
         surface.marks, surface.weights, surface.views, surface.frame, fibonacci(CELLS), cube(CELLS, EDGE), len(surface.times)
     )
@@ -124,17 +122,34 @@ def _refine(surface: Surface, pairs: np.ndarray, gap: float, rotations: Array, s
     spin = min(trials, key=lambda trial: trial[0])[1]
     spin, *_ = _settle(s, spin, points, s.soft, NEAR)
     spin, h, error, drawn = _settle(s, spin, fine, s.marks, NEAR if params.second_look else SETTLED)
-    before = firsts(points, pairs, s.marks, *where)
-    cost, weight, _, _ = compare_pairs(spin, points, before, pairs, s.marks, *where, s.times, 0.0)
+    return Registration(spin, _information(h, error, params), _residual(s, spin, pairs, points, error), len(rotations), drawn)
+
+
+def _residual(s: Surface, spin: Array, pairs: np.ndarray, points: Array, error: float) -> float:
+    """Of a registration; error: mean square of `compare_all`."""
+    before = firsts(points, pairs, s.marks, s.weights, s.views, s.frame)
+    cost, weight, _, _ = compare_pairs(spin, points, before, pairs, s.marks, s.weights, s.views, s.frame, s.times, 0.0)
     seen = weight > LEAST_OVERLAP * float((before[..., 1] ** 2).sum())
-    residual = max(cost / (2.0 * weight), error) / s.contrast if seen else 1.0
-    return Registration(spin, _information(h, error, params), residual, len(rotations), drawn)
+    return max(cost / (2.0 * weight), error) / s.contrast if seen else 1.0
 
 
 def again(surface: Surface, found: Registration, search: SearchParams = DEFAULT, enough: float = SETTLED) -> Registration:
-    """`found` on a surface that is known better now, until a step is shorter than `enough` rad/s."""
+    """`found` on a surface that is known better now, until a step is shorter than `enough` rad/s; its residual is left as it is."""
     spin, h, error, drawn = _settle(surface, found.spin, fibonacci(search.fine_points), surface.marks, enough)
     return replace(found, spin=spin, information=_information(h, error, search), marks=drawn)
+
+
+def judged(surface: Surface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
+    """`found` with the residual that it has on a surface that is known better now."""
+    points, pairs = fibonacci(search.coarse_points), neighbours(surface.times)
+    _, _, error, _ = compare_all(found.spin, points, surface.marks, surface.weights, surface.views, surface.frame, surface.times)
+    return replace(found, residual=_residual(surface, found.spin, pairs, points, error))
+
+
+def neighbours(times: Array) -> np.ndarray:
+    """The first frames of the pairs that follow each other; a lost frame leaves a longer gap."""
+    gaps = np.diff(times)
+    return np.flatnonzero(gaps < 1.5 * gaps.min())
 
 
 def _settle(s: Surface, spin: Array, points: Array, marks: np.ndarray, enough: float) -> tuple[Array, Array, float, Array]:
