@@ -24,6 +24,7 @@ from .surface import Surface
 
 EDGE = 96  # texels along the edge of the cube that finds the marks at a place on the ball
 KNOWN = 0.3  # weight, of 1 for a pixel seen straight on, on which a mark must rest
+KEPT = 0.8  # of what a camera shows, that it must show under the light of the marks: 0.94 and more is usual, with marks of another ball 0
 DEPTHS = 14  # samples inside the outline, STEP apart, the first one half a step inside
 STEP = 0.5  # pixels
 NEAR, DEEP = 1.5, 6.0  # pixels inside the outline between which image and expectation are compared
@@ -45,10 +46,11 @@ def look_again(
     texels, light = cube(len(found.marks), EDGE), surface.light
     turns = turned(found.spin, surface.views, surface.frame, surface.times)
     if not light.known:
-        light = light.again(surface.stack, surface.normals, _painted(surface.normals, turns, found.marks, texels))
-        surface = surface.lit(light)
-        found = again(surface, found, search, math.inf)
-        turns = turned(found.spin, surface.views, surface.frame, surface.times)
+        relit = surface.lit(light.again(surface.stack, surface.normals, _painted(surface.normals, turns, found.marks, texels)))
+        if (_shown(relit, len(cameras)) > KEPT * _shown(surface, len(cameras))).all():
+            surface, light = relit, relit.light
+            found = again(surface, found, search, math.inf)
+            turns = turned(found.spin, surface.views, surface.frame, surface.times)
     expected = _limb(turns, surface.views, found.marks, texels, light.harmonics, light.gloss, light.gains, light.lamps)
     rows, count = [], len(times)
     centres = surface.views[:, 9:12]
@@ -63,6 +65,11 @@ def look_again(
     motion = refit(motion, np.concatenate(rows), times, cameras, light.known)
     surface = surface.at(motion.positions(times), motion.alignment, cameras)
     return surface, again(surface, found, search), motion
+
+
+def _shown(surface: Surface, cameras: int) -> Array:
+    """(cameras,) how much of the ball each camera shows well enough."""
+    return np.asarray(surface.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

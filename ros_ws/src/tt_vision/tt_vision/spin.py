@@ -21,7 +21,7 @@ from .surface import DULL, unwrap
 SYSTEMATIC = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
 CORRELATED = 1.5  # neighbouring points share pixels: the least squares counts each pixel that often
 KNOWN, FIRST, ALONE = 0.75, 1.5, 3.0  # times SYSTEMATIC: with known lamps, without a second look, with one camera
-HOPELESS = 0.3  # residual beyond which no look at the outline helps; a ball half in the dark, 1.6 mm out of place, has 0.12
+HOPELESS = 0.2  # residual beyond which no look at the outline helps; a ball half in the dark, 1.6 mm out of place, has 0.12
 UNKNOWN = 1e6  # (rad/s)^2
 PRINTED = {"liu": method_2, "correlation": method_1}
 
