@@ -111,7 +111,7 @@ class ArmControl:
             current = None
         time = self.joints.time + self.params.ahead
         path = self.coming if self.coming is not None and self.coming.start.time <= time else self.swing
-        choice = choose(self.model, rackets, Joints(time, *path.sample(time)), self.limits, self.reaching, self.choosing, current)
+        choice = choose(self.model, rackets, path.joints(time), self.limits, self.reaching, self.choosing, current)
         if choice.swing is not None and choice.racket is not None and choice.reach is not None:
             self.coming, self.stroke = choice.swing, (choice.racket, choice.reach)
         return choice
@@ -155,4 +155,5 @@ def warm(model: ArmModel) -> None:
     control.step(Joints(0.02, model.waiting, np.zeros(7)))
     for method in ("near", "liu"):
         reach(model, racket, model.waiting, method=method)
-    plan(model, joints, None, 0.0, SwingLimits(profile="quintic"))
+    for profile in ("quintic", "trapezoid", "polyline"):
+        plan(model, joints, None, 0.0, SwingLimits(profile=profile))
