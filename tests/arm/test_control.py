@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from arm.printed import NAMES, printed
+from tt_arm.choice import ChoiceParams, choose
 from tt_arm.control import ArmControl, ControlParams
 from tt_arm.model import ArmModel
+from tt_arm.reach import ReachParams, reach
 from tt_arm.servo import ServoParams, follow
-from tt_arm.swing import Joints, plan
+from tt_arm.swing import Joints, SwingLimits, plan
 from tt_core.states import RacketState
 from tt_sim.plant import Plant, PlantParams
 
@@ -93,6 +95,29 @@ def test_the_first_candidate_that_can_be_made_is_taken():
     assert choice.reasons[0] == "0: out of reach"
     assert choice.reasons[1].startswith("1: the strike is ")
     assert arm.control.take([]).index is None
+
+
+def test_the_first_is_taken_even_with_nothing_to_spare():
+    """A later candidate with more time is no better: their order is the racket's."""
+    start, limits = Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits()
+    racket, relaxed = printed(0.0)[1], printed(1.0)[1]
+    earliest = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time, limits).earliest
+    hasty = RacketState(earliest + 0.002, racket.position, racket.velocity, racket.alpha, racket.beta)
+    choice = choose(MODEL, [hasty, relaxed], start, limits, ReachParams(), ChoiceParams())
+    assert choice.index == 0
+    assert choice.swing.earliest <= hasty.time
+
+
+def test_why_each_candidate_failed_is_told():
+    far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
+    soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
+    candidates = [far, soon, low, far, far]
+    choice = choose(MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), ChoiceParams(tries=3))
+    assert choice.index is None
+    for told, words in zip(
+        choice.reasons, ("0: out of reach", "1: the strike is", "2: the arm would come within", "3 to 4: not tried"), strict=True
+    ):
+        assert told.startswith(words)
 
 
 def test_nothing_moves_unless_enabled():

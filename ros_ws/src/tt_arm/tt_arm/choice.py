@@ -18,8 +18,8 @@ from .swing import Joints, Swing, SwingLimits, plan
 class ChoiceParams:
     """How long the arm looks among the candidates."""
 
-    tries: int = 6  # candidates that are worked out, 3 ms each
-    spare: float = 0.02  # s, that the strike should be later than the earliest possible; the first such candidate is taken at once
+    tries: int = 8  # candidates that are worked out, 5 ms each
+    spare: float = 0.02  # s, that the posture should leave to spare, if there is one
     method: str = "best"  # of `reach`; "liu" for comparison
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ def choose(
     params: ChoiceParams,
     current: tuple[RacketState, Reach] | None = None,
 ) -> Choice:
-    """The first candidate that the arm can make from `start` with time to spare, else the one with most time, within its limits.
+    """The first candidate that the arm can make from `start` in time, within its limits.
 
     current: the stroke on its way, adjusted where it can be. A stroke out of reach raises nothing: it is a reason.
     """
@@ -71,22 +71,17 @@ def choose(
         if swing.reason is None:
             return Choice(nearest, rackets[nearest], target, swing, ())
         reasons.append(f"{nearest} adjusted: {swing.reason}")
-    best, most = Choice(None, None, None, None, ()), -np.inf
     for i, racket in enumerate(rackets[: params.tries]):
-        left = min(10.0, max(0.05, racket.time - start.time - params.spare))
-        target = reach(
-            model,
-            racket,
-            start.q,
-            replace(reaching, swing_time=left, acceleration=limits.acceleration),
-            qdot=start.qdot,
-            method=params.method,
-        )
-        swing = plan(model, start, target, racket.time, limits)
-        spare = racket.time - swing.earliest
-        if swing.reason is None and spare > most:
-            best, most = Choice(i, racket, target, swing, ()), spare
-        if most >= params.spare:
-            break
-        reasons.append(f"{i}: {swing.reason or f'only {1e3 * spare:.0f} ms to spare'}")
-    return replace(best, reasons=tuple(reasons))
+        left = racket.time - start.time - limits.ramp
+        for spare in (params.spare, 0.25 * params.spare):  # the search knows what the jerk limit takes only nearly
+            given = replace(reaching, swing_time=min(10.0, max(0.05, left - spare)), acceleration=limits.acceleration)
+            target = reach(model, racket, start.q, given, qdot=start.qdot, method=params.method)
+            swing = plan(model, start, target, racket.time, limits)
+            if swing.reason is None:
+                return Choice(i, racket, target, swing, tuple(reasons))
+            if target.reason is not None:
+                break
+        reasons.append(f"{i}: {swing.reason}")
+    if len(rackets) > params.tries:
+        reasons.append(f"{params.tries} to {len(rackets) - 1}: not tried")
+    return Choice(None, None, None, None, tuple(reasons))

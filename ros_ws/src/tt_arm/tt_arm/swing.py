@@ -76,6 +76,11 @@ class SwingLimits:
         if self.profile not in PROFILES:
             raise TtError(f"profile = {self.profile!r} is none of {', '.join(PROFILES)}")
 
+    @property
+    def ramp(self) -> float:
+        """s, that the jerk limit takes of the time of a leg, see `motion`."""
+        return 0.0 if self.profile == "polyline" else 2.0 * self.acceleration / self.jerk
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
