@@ -85,6 +85,22 @@ def test_newer_strokes_bend_the_swing():
     assert arm.control.take([newer]).reasons == ("a swing is on its way",)
 
 
+def test_a_ball_does_not_cost_the_one_before():
+    """Strokes of the next ball that come before the strike begin after it, even when they change."""
+    first, second = printed(0.55)[0], printed(1.35)[1]
+    moved = RacketState(second.time, second.position + 0.01, second.velocity, second.alpha, second.beta)
+    arm = Arm()
+    arm.run(0.05)
+    assert arm.control.take([first]).index == 0
+    arm.run(0.4)
+    assert arm.control.take([second]).swing.start.time == first.time
+    arm.run(0.45)
+    assert arm.control.take([moved]).swing.start.time == first.time
+    assert missed(arm.run(0.6, first.time), first)[0] < 0.5
+    assert missed(arm.run(1.5, moved.time), moved)[0] < 0.5
+    assert arm.reasons == {None}
+
+
 def test_the_first_candidate_that_can_be_made_is_taken():
     good, arm = printed(0.5)[1], Arm()
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)

@@ -89,6 +89,15 @@ def test_a_still_face_costs_speed():
     assert still.turning < 0.1 < free.turning
 
 
+def test_the_way_back_is_shorter_when_it_counts():
+    def back(found):
+        return max(least_time(*row, 20.0) for row in zip(MODEL.waiting - found.q, found.qdot, np.zeros(7), MODEL.speed_limits, strict=True))
+
+    for racket in printed(1.0):
+        soon, late = (reach(MODEL, racket, MODEL.waiting, ReachParams(acceleration=20.0, return_weight=w)) for w in (5.0, 0.0))
+        assert back(soon) <= back(late)
+
+
 def test_out_of_reach_is_a_reason():
     far = RacketState(1.0, np.array([2.0, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     assert reach(MODEL, far, MODEL.waiting).reason == "out of reach"

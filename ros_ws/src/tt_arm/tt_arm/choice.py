@@ -11,14 +11,16 @@ from tt_core.states import RacketState
 
 from .model import ArmModel
 from .reach import Reach, ReachParams, adjust, reach
-from .swing import Joints, Swing, SwingLimits, plan
+from .swing import Joints, Swing, SwingLimits, strike
+
+HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
 
 
 @dataclass(frozen=True, slots=True)
 class ChoiceParams:
     """How long the arm looks among the candidates."""
 
-    tries: int = 8  # candidates that are worked out, 5 ms each
+    tries: int = 6  # candidates that are worked out, 5 ms each
     spare: float = 0.02  # s, that the posture should leave to spare, if there is one
     method: str = "best"  # of `reach`; "liu" for comparison
 
@@ -67,21 +69,23 @@ def choose(
     if current is not None and rackets:
         nearest = min(range(len(rackets)), key=lambda i: apart(current[0], rackets[i]))
         target = adjust(model, rackets[nearest], current[1])
-        swing = plan(model, start, target, rackets[nearest].time, limits)
-        if swing.reason is None:
+        swing, _, reason = strike(model, start, target, rackets[nearest].time, limits)
+        if swing is not None:
             return Choice(nearest, rackets[nearest], target, swing, ())
-        reasons.append(f"{nearest} adjusted: {swing.reason}")
+        reasons.append(f"{nearest} adjusted: {reason}")
     for i, racket in enumerate(rackets[: params.tries]):
         left = racket.time - start.time - limits.ramp
-        for spare in (params.spare, 0.25 * params.spare):  # the search knows what the jerk limit takes only nearly
-            given = replace(reaching, swing_time=min(10.0, max(0.05, left - spare)), acceleration=limits.acceleration)
+        # at the last in time at any price; the search knows what the jerk limit takes only nearly, hence a quarter
+        for spare, weight in ((params.spare, reaching.return_weight), (0.25 * params.spare, 0.0)):
+            time = min(10.0, max(0.05, left - spare))
+            given = replace(reaching, swing_time=time, acceleration=limits.acceleration, return_weight=weight)
             target = reach(model, racket, start.q, given, qdot=start.qdot, method=params.method)
-            swing = plan(model, start, target, racket.time, limits)
-            if swing.reason is None:
+            swing, earliest, reason = strike(model, start, target, racket.time, limits)
+            if swing is not None:
                 return Choice(i, racket, target, swing, tuple(reasons))
-            if target.reason is not None:
+            if not 0.0 < earliest - racket.time < HOPELESS:
                 break
-        reasons.append(f"{i}: {swing.reason}")
+        reasons.append(f"{i}: {reason}")
     if len(rackets) > params.tries:
         reasons.append(f"{params.tries} to {len(rackets) - 1}: not tried")
     return Choice(None, None, None, None, tuple(reasons))

@@ -3,7 +3,7 @@
 Face position and normal are five conditions on seven joints. The two freedoms left are the racket's turn about its normal and the
 elbow's angle about the line from shoulder to wrist; with both given the posture is a closed form. They are chosen by a search over their
 whole range, so the answer does not hang on a start. The best posture spends the least share of the joint speeds that can be had there
-within the swing time, and lets the face turn little at the strike.
+within the swing time, lets the face turn little at the strike, and has the arm back soon.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tt_core.states import Array, RacketState
 
 from .kinematics import Chain, forward, inverse
 from .model import ArmModel
-from .motion import fastest
+from .motion import fastest, least_time
 from .speeds import allocate, least_shares, least_shares_steady, steady_rows
 
 LIMIT_COST = 20.0  # per rad beyond the room kept from a position limit
@@ -41,6 +41,7 @@ class ReachParams:
     affordable: float = 0.9  # share of what is possible that may be spent to keep the face from turning; our choice
     turning_weight: float = 0.03  # s/rad, cost of the rate at which the face normal turns, against the share spent
     margin: float = 0.03  # rad, kept from the position limits, beside the room to brake
+    return_weight: float = 5.0  # 1/s, cost of the time from the strike until the arm waits again, against the share spent
     grid: int = 12  # values of each freedom at the start of the search
 
     def __post_init__(self) -> None:
@@ -49,6 +50,7 @@ class ReachParams:
         check_range("affordable", self.affordable, 0.0, 1.0)
         check_range("turning_weight", self.turning_weight, 0.0, 100.0)
         check_range("margin", self.margin, 0.0, 0.5)
+        check_range("return_weight", self.return_weight, 0.0, 1000.0)
         check_range("grid", self.grid, 4, 64)
 
 
@@ -120,7 +122,8 @@ def _posture(
 ) -> tuple[float, Array, Array]:  # fmt: skip
     """Cost, q (7,) and qdot (7,) of the best posture with both freedoms given; inf as soon as the cost is seen to exceed `bound`.
 
-    seed: (2, 7) q, qdot. limits: (7, 3) low, high, speed. weights: (5,) swing time, acceleration, affordable, turning, margin.
+    seed: (3, 7) q, qdot, and q where it waits. limits: (7, 3) low, high, speed. weights: (6,) swing time, acceleration, affordable,
+    turning, margin, return.
     """
     q, qdot, other = np.empty(7), np.zeros(7), np.empty(7)
     c, s = math.cos(turn), math.sin(turn)
@@ -166,7 +169,10 @@ def _posture(
     best = np.inf
     for part in (0.0, 1.0):
         mixed = middle + half * (shares + part * more)
-        own = cost + np.abs(shares + part * more).max() + weights[3] * _turning(rows, mixed)
+        back = 0.0
+        for i in range(7):
+            back = max(back, least_time(seed[2, i] - q[i], mixed[i], 0.0, speed[i], acceleration))
+        own = cost + weights[5] * back + np.abs(shares + part * more).max() + weights[3] * _turning(rows, mixed)
         for i in range(7):
             room = min(mixed[i] ** 2 / (2.0 * acceleration), 0.2 * (limits[i, 1] - limits[i, 0])) + weights[4]
             own += LIMIT_COST * max(0.0, limits[i, 0] + room - q[i], q[i] - limits[i, 1] + room)
@@ -308,8 +314,10 @@ def reach(
     if method == "best":
         params = params or ReachParams()
         limits = np.column_stack([model.position_limits, speed])
-        weights = np.array([params.swing_time, params.acceleration, params.affordable, params.turning_weight, params.margin])
-        start = np.array([seed, np.zeros(7) if qdot is None else check_array("qdot", qdot, (7,))])
+        weights = np.array(
+            [params.swing_time, params.acceleration, params.affordable, params.turning_weight, params.margin, params.return_weight]
+        )
+        start = np.array([seed, np.zeros(7) if qdot is None else check_array("qdot", qdot, (7,)), model.waiting])
         for finer in (1, FINER):
             cost, q, qdot = search(position, rotation, velocity, start, limits, weights, finer * params.grid, model.chain)
             if cost < math.inf:

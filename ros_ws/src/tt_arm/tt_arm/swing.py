@@ -1,15 +1,17 @@
 """When each joint moves: from where it is, through the strike at its instant, slowing down, and back to waiting, as one path.
 
-The loop is that of dissertation Figure 1.9: approach, strike, slow down to rest, return. Each leg takes one time for all joints, with one
-of the profiles of Section 1.1: "quintic", the fifth degree polynomial; "trapezoid", trapezoidal acceleration in a fixed time; "polyline",
-speed in straight pieces, which reaches all that speed and acceleration allow, but steps in acceleration, so that no jerk limit can hold;
-or by "ruckig", the shortest with a jerk limit. "auto" is the quintic for each joint where that keeps the limits, else the trapezoid.
+The loop is that of dissertation Figure 1.9: approach, strike, slow down, return. Slowing down and returning are one leg, in which each
+joint turns back as soon as it can, or two with a stop between where something is in the way. A leg takes one time for all joints, with
+one of the profiles of Section 1.1: "quintic", the fifth degree polynomial; "trapezoid", trapezoidal acceleration in a fixed time;
+"polyline", speed in straight pieces, which reaches all that speed and acceleration allow, but steps in acceleration, so that no jerk limit
+can hold; or by "ruckig", the shortest with a jerk limit. "auto" is the quintic for each joint where that keeps the limits, else the
+trapezoid.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -57,7 +59,7 @@ class SwingLimits:
     acceleration: float = 20.0  # rad/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
     speed_share: float = 1.0  # of the speed limits, Table A.12
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
-    unhurried_return: float = 1.15  # and so does the way back: the next ball comes soon
+    unhurried_return: float = 1.0  # and so may the way back: the next ball comes soon
     torque_share: float = 1.0  # of the rated torque, checked over the whole path with assumed inertias
     margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
     clearance: float = 0.010  # m, that racket and forearm keep from table, floor and arm; more than the guard keeps
@@ -245,15 +247,28 @@ class Path:
             _leg(self.now, time, q0, v0, a0, q1, v1, self.speed, *self._bounds, self.kind, self.knots, self.coefficients, self._pieces)
         self.now += time
 
-    def home(self, q: Array, qdot: Array, qddot: Array, softly: float) -> None:
-        """Slow down in `softly` times the least time, return, wait."""
+    def home(self, q: Array, qdot: Array, qddot: Array, softly: float | None) -> bool:
+        """Slow down, return, wait: in one leg, or with a stop between in `softly` times the least time. Whether there is such a way."""
         waiting, none = self.model.waiting.copy(), np.zeros(7)
-        if np.abs(qdot).max() > 0.0 or np.abs(qddot).max() > 0.0:
+        if softly is not None and (np.abs(qdot).max() > 0.0 or np.abs(qddot).max() > 0.0):
             brake, stop = self._brake(q, qdot, qddot, softly)
             self.leg(brake, q, qdot, qddot, stop, none)
-            q = stop
-        self.leg(max(STEP, self.limits.unhurried_return * self.longer(0.0, q, none, none, waiting, none)), q, none, none, waiting, none)
+            q, qdot, qddot = stop, none, none
+        least = max(STEP, self.longer(0.0, q, qdot, qddot, waiting, none))
+        time = self.longer(self.limits.unhurried_return * least, q, qdot, qddot, waiting, none)
+        if math.isinf(time):
+            return False
+        self.leg(time, q, qdot, qddot, waiting, none)
         self.rest(waiting, 0.0)
+        return True
+
+    def join(self, other: Path) -> None:
+        """What the other path does, after this one."""
+        for i, (have, more) in enumerate(zip(self._pieces, other._pieces, strict=True)):
+            self.knots[i, have : have + more] = self.now + other.knots[i, :more]
+            self.coefficients[i, have : have + more] = other.coefficients[i, :more]
+        self._pieces += other._pieces
+        self.now += other.now
 
     def _brake(self, q: Array, qdot: Array, qddot: Array, softly: float) -> tuple[float, Array]:
         """s, and where (7,) it ends: the first leg that is possible, halfway between going on and stopping at once."""
@@ -288,6 +303,69 @@ class Path:
         return None
 
 
+def _homeward(model: ArmModel, limits: SwingLimits, q: Array, qdot: Array, qddot: Array) -> tuple[Path, str | None]:
+    """The first way to waiting that nothing is in: at once, by a soft stop, by the shortest stop; else the last, and what is in it."""
+    for softly in (None, SOFT, 1.0):
+        path = Path(model, limits)
+        if path.home(q, qdot, qddot, softly):
+            reason = path.hits()
+            if reason is None:
+                break
+    return path, reason
+
+
+def strike(
+    model: ArmModel, start: Joints, target: Reach, strike_time: float, limits: SwingLimits
+) -> tuple[Swing | None, float, str | None]:
+    """The swing through the target, or None; the earliest possible strike (s), inf if there is none; and why there is no swing.
+
+    See `plan`; this spares the way home of an arm that makes no strike.
+    """
+    start = _begin(model, start, limits)
+    if target.reason is not None:
+        return None, math.inf, target.reason
+    path, moving = Path(model, limits), _moves(start, limits)
+    ends = (np.array(start.q), np.array(start.qdot), np.array(start.qddot), target.q, target.qdot)
+    time, shortest = strike_time - start.time, path.longer(0.0, *ends)
+    earliest = start.time + shortest
+    if math.isinf(shortest):
+        return None, earliest, "the limits allow no way to this strike"
+    if time < shortest:
+        return None, earliest, f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
+    reason: str | None = None
+    for hurry in (limits.unhurried, 1.0):
+        path = Path(model, limits)
+        approach = path.longer(time if moving else min(time, hurry * shortest), *ends)
+        if approach > time + SAME:
+            reason = "the arm moves too fast to arrive as late as that" if moving else "the limits allow no way that arrives then"
+            continue
+        if approach < time:
+            path.rest(ends[0], time - approach)
+        path.leg(approach, *ends)
+        reason = path.hits()
+        if reason is None:
+            break
+    if reason is not None:
+        return None, earliest, reason
+    homeward, reason = _homeward(model, limits, target.q, target.qdot, np.zeros(7))
+    if reason is not None:
+        return None, earliest, reason
+    path.join(homeward)
+    return Swing(start, strike_time, start.time + path.now, earliest, None, path.knots, path.coefficients), earliest, None
+
+
+def _begin(model: ArmModel, start: Joints, limits: SwingLimits) -> Joints:
+    """The start within the limits, without acceleration where none is kept."""
+    speed = limits.speed_share * model.speed_limits
+    begin = Joints(start.time, start.q, np.clip(start.qdot, -speed, speed), np.clip(start.qddot, -limits.acceleration, limits.acceleration))
+    return begin if _moves(begin, limits) and limits.profile != "polyline" else replace(begin, qddot=np.zeros(7))
+
+
+def _moves(start: Joints, limits: SwingLimits) -> bool:
+    """Whether it does, or is about to."""
+    return bool((np.abs(start.qdot) + 0.5 * start.qddot**2 / limits.jerk).max() > AT_REST)
+
+
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
     """The swing from `start` that has the joints at target.q with target.qdot at `strike_time` (s), and then waits for the next ball.
 
@@ -296,40 +374,10 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
     Raises OutOfRange, NotFinite.
     """
     limits = limits or SwingLimits()
-    strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
-    path, none = Path(model, limits), np.zeros(7)
-    q0, v0 = np.array(start.q), np.clip(start.qdot, -path.speed, path.speed)
-    a0 = np.clip(start.qddot, -limits.acceleration, limits.acceleration)
-    moving = bool((np.abs(v0) + 0.5 * a0**2 / limits.jerk).max() > AT_REST)
-    if not moving or limits.profile == "polyline":
-        a0 = none
-    start = Joints(start.time, q0, v0, a0)
-    earliest, reason = math.inf, None if target is None else target.reason
-    if target is not None and reason is None:
-        ends = (q0, v0, a0, target.q, target.qdot)
-        time, shortest = strike_time - start.time, path.longer(0.0, *ends)
-        earliest = start.time + shortest
-        if math.isinf(shortest):
-            reason = "the limits allow no way to this strike"
-        elif time < shortest:
-            reason = f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
-        else:
-            for hurry, softly in ((limits.unhurried, SOFT), (1.0, SOFT), (1.0, 1.0)):
-                path = Path(model, limits)
-                approach = path.longer(time if moving else min(time, hurry * shortest), *ends)
-                if approach > time + SAME:
-                    reason = "the arm moves too fast to arrive as late as that" if moving else "the limits allow no way that arrives then"
-                    continue
-                if approach < time:
-                    path.rest(q0, time - approach)
-                path.leg(approach, *ends)
-                path.home(target.q, target.qdot, none, softly)
-                reason = path.hits()
-                if reason is None:
-                    return Swing(start, strike_time, start.time + path.now, earliest, None, path.knots, path.coefficients)
-    for softly in (SOFT, 1.0):
-        path = Path(model, limits)
-        path.home(q0, v0 if moving else none, a0, softly)
-        if path.hits() is None:
-            break
+    strike_time, start = check_range("strike_time", strike_time, -1e18, 1e18), _begin(model, start, limits)
+    swing, earliest, reason = (None, math.inf, None) if target is None else strike(model, start, target, strike_time, limits)
+    if swing is not None:
+        return swing
+    qdot = np.array(start.qdot) if _moves(start, limits) else np.zeros(7)
+    path, _ = _homeward(model, limits, np.array(start.q), qdot, np.array(start.qddot))
     return Swing(start, math.inf, start.time + path.now, earliest, reason, path.knots, path.coefficients)
