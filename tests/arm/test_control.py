@@ -1,5 +1,9 @@
 """The whole arm without ROS: strokes in, and the simulated racket is there."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from arm.printed import NAMES, printed
@@ -206,3 +210,29 @@ def test_the_servo_pulls_towards_the_path():
     assert np.all(follow(rest, 1.0, MODEL.waiting, limits, ServoParams()) == 0.0)
     assert follow(rest, 1.0, MODEL.waiting - 0.01, limits, ServoParams(gain=15.0)) == pytest.approx(np.full(7, 0.15))
     assert follow(rest, 1.0, MODEL.waiting + 9.0, limits, ServoParams()) == pytest.approx(-limits)
+
+
+def test_nothing_is_left_to_compile_once_warm():
+    """In a process of its own, for here the other tests have compiled; a kernel that is loaded while a ball flies costs 0.1 s."""
+    script = """
+import importlib, pkgutil, tt_arm
+from numba.core.dispatcher import Dispatcher
+from arm.printed import printed
+from arm.test_control import MODEL, Arm
+from tt_arm.control import warm
+
+def kernels():
+    modules = [importlib.import_module(f"tt_arm.{m.name}") for m in pkgutil.iter_modules(tt_arm.__path__) if not m.name.endswith("_node")]
+    return {(v.__module__, k, str(s)) for m in modules for k, v in vars(m).items() if isinstance(v, Dispatcher) for s in v.signatures}
+
+warm(MODEL)
+before, arm = kernels(), Arm()
+arm.run(0.05)
+arm.control.take(printed(0.5)[:1])
+arm.run(0.7)
+arm.control.take([*printed(1.3), *printed(0.75)])
+arm.run(2.0)
+print(sorted(kernels() - before))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
+    assert done.stdout.strip() == "[]"

@@ -1,7 +1,5 @@
 """The path goes through the strike at its instant, keeps all limits all the way, and never jumps."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from arm.printed import NAMES, printed
@@ -9,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tt_arm.model import ArmModel
-from tt_arm.reach import adjust, reach
+from tt_arm.reach import Reach, adjust, reach
 from tt_arm.swing import AT_REST, PROFILES, Joints, Path, SwingLimits, plan
 from tt_arm.torque import torque_shares
 from tt_core.errors import TtError
@@ -89,10 +87,24 @@ def test_a_path_beyond_a_limit_is_told():
     for name, share in (("speed_share", 0.7), ("acceleration", 15.0), ("jerk", 2000.0)):
         path = Path(MODEL, SwingLimits())
         path.leg(0.4, MODEL.waiting.copy(), np.zeros(7), np.zeros(7), target.q, target.qdot)
-        path.home(target.q, target.qdot, np.zeros(7), 1.0)
+        assert path.home(target.q, target.qdot, np.zeros(7), 1.0)
         assert path.hits() is None
-        path.limit(replace(SwingLimits(), **{name: share}))
-        assert f"of its {name.partition('_')[0]} limit on the way" in path.hits()
+        stricter = Path(MODEL, SwingLimits(**{name: share}))
+        stricter.join(path)
+        assert f"of its {name.partition('_')[0]} limit on the way" in stricter.hits()
+
+
+def test_an_arm_too_slow_to_return_stops_where_it_is():
+    limits = SwingLimits(speed_share=0.01)
+    start = Joints(5.0, MODEL.waiting - 0.5, 0.01 * MODEL.speed_limits)
+    swing = plan(MODEL, start, None, 5.0, limits)
+    assert swing.reason is None
+    q, qdot = swing.sample(swing.end_time + 1.0)
+    assert np.array_equal(qdot, np.zeros(7))
+    assert q == pytest.approx(start.q, abs=1e-3)
+    still = Reach(MODEL.waiting - 0.5, np.zeros(7), 0.0, 0.0, None)
+    there = Joints(100.0, still.q, np.zeros(7))
+    assert plan(MODEL, there, still, 101.0, limits).reason == "the way back to waiting takes more than 10 s"
 
 
 @pytest.mark.parametrize("racket", printed(100.0), ids=NAMES)

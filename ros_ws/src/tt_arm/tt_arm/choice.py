@@ -83,7 +83,7 @@ def choose(
             swing, earliest, reason = strike(model, start, target, racket.time, limits)
             if swing is not None:
                 return Choice(i, racket, target, swing, tuple(reasons))
-            if not 0.0 < earliest - racket.time < HOPELESS:
+            if earliest - racket.time > HOPELESS:
                 break
         reasons.append(f"{i}: {reason}")
     if len(rackets) > params.tries:

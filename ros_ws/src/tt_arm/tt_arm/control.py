@@ -155,6 +155,8 @@ def warm(model: ArmModel) -> None:
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
     control.step(Joints(0.02, model.waiting, np.zeros(7)))
+    for time in (0.03, 0.04):  # what moves only
+        control.guard.check(time, np.full(7, 0.01), joints.q, joints.qdot)
     for method in ("near", "liu"):
         reach(model, racket, model.waiting, method=method)
     for profile in ("quintic", "trapezoid", "polyline"):

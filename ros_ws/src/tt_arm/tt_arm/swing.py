@@ -209,14 +209,9 @@ class Path:
     """A path in the making: each call appends polynomials for all joints; `now` (s) is how long it is."""
 
     def __init__(self, model: ArmModel, limits: SwingLimits) -> None:
-        self.model, self.kind, self.now = model, PROFILES.index(limits.profile), 0.0
-        self.limit(limits)
+        self.model, self.limits, self.kind, self.now = model, limits, PROFILES.index(limits.profile), 0.0
+        self.speed, self._bounds = limits.speed_share * model.speed_limits, (limits.acceleration, limits.jerk)
         self.knots, self.coefficients, self._pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
-
-    def limit(self, limits: SwingLimits) -> None:
-        """What holds from now on."""
-        self.limits, self.speed = limits, limits.speed_share * self.model.speed_limits
-        self._bounds = limits.acceleration, limits.jerk
 
     def longer(self, time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> float:
         """s, the shortest possible leg of at least `time`; inf if there is none."""
@@ -248,7 +243,8 @@ class Path:
         self.now += time
 
     def home(self, q: Array, qdot: Array, qddot: Array, softly: float | None) -> bool:
-        """Slow down, return, wait: in one leg, or with a stop between in `softly` times the least time. Whether there is such a way."""
+        """Slow down, return, wait: in one leg, or with a stop between in `softly` times the least time. Whether there is such a way below
+        LONGEST; where there is none it ends with the stop."""
         waiting, none = self.model.waiting.copy(), np.zeros(7)
         if softly is not None and (np.abs(qdot).max() > 0.0 or np.abs(qddot).max() > 0.0):
             brake, stop = self._brake(q, qdot, qddot, softly)
@@ -256,11 +252,11 @@ class Path:
             q, qdot, qddot = stop, none, none
         least = max(STEP, self.longer(0.0, q, qdot, qddot, waiting, none))
         time = self.longer(self.limits.unhurried_return * least, q, qdot, qddot, waiting, none)
-        if math.isinf(time):
-            return False
-        self.leg(time, q, qdot, qddot, waiting, none)
-        self.rest(waiting, 0.0)
-        return True
+        found = not math.isinf(time)
+        if found:
+            self.leg(time, q, qdot, qddot, waiting, none)
+        self.rest(waiting if found else q, 0.0)
+        return found
 
     def join(self, other: Path) -> None:
         """What the other path does, after this one."""
@@ -307,10 +303,9 @@ def _homeward(model: ArmModel, limits: SwingLimits, q: Array, qdot: Array, qddot
     """The first way to waiting that nothing is in: at once, by a soft stop, by the shortest stop; else the last, and what is in it."""
     for softly in (None, SOFT, 1.0):
         path = Path(model, limits)
-        if path.home(q, qdot, qddot, softly):
-            reason = path.hits()
-            if reason is None:
-                break
+        reason = path.hits() if path.home(q, qdot, qddot, softly) else f"the way back to waiting takes more than {LONGEST:g} s"
+        if reason is None:
+            break
     return path, reason
 
 
