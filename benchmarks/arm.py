@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import pinocchio as pin
+from postures import figures
 from report import arguments, report
 from tt_arm.choice import ChoiceParams, choose
 from tt_arm.control import ArmControl, warm
 from tt_arm.model import ArmModel
-from tt_arm.reach import Reach, ReachParams, newton, reach
-from tt_arm.swing import Joints, Swing, SwingLimits, plan
+from tt_arm.reach import ReachParams, reach
+from tt_arm.swing import PROFILES, Joints, Swing, SwingLimits, plan
 from tt_arm.torque import torque_shares
 from tt_core.states import RacketState
 from tt_sim.plant import Plant
@@ -26,16 +26,6 @@ PRINTED = {  # Tables 4.3 and 4.5(c), positions from the text
     "4.5 backspin": ((-0.30, 0.66, 0.23), (1.26, -0.18, 1.75), -0.068, 0.708),
     "4.5 topspin": ((-0.14, 0.73, 0.26), (1.15, 0.019, 0.64), -0.028, 1.814),
 }
-
-
-def known(rng: np.random.Generator) -> RacketState:
-    """The racket of a posture within limits, before the arm."""
-    while True:
-        q = rng.uniform(-0.8, 0.8, 7) * MODEL.position_limits[:, 1]
-        position, rotation = MODEL.racket(q)
-        if -0.4 < position[0] < 0.3 and -0.1 < position[1] < 1.6 and 0.1 < position[2] < 0.7:
-            qdot = rng.uniform(-0.5, 0.5, 7) * MODEL.speed_limits
-            return RacketState.facing(1.0, position, MODEL.jacobian(q)[:3] @ qdot, rotation[:, 2])
 
 
 def asked(rng: np.random.Generator, strike: float) -> RacketState:
@@ -64,59 +54,17 @@ def miss(racket: RacketState) -> tuple[float, float]:
     return 1e3 * float(np.linalg.norm(there.position - racket.position)), float(angle)
 
 
-def timed(method: str, racket: RacketState, seed: np.ndarray) -> tuple[Reach, float]:
-    start = time.perf_counter()
-    found = reach(MODEL, racket, seed, method=method)  # type: ignore[arg-type]
-    return found, 1e3 * (time.perf_counter() - start)
-
-
-def numpy_newton(racket: RacketState, seed: np.ndarray) -> tuple[np.ndarray | None, float]:
-    """(4.63) in numpy on pinocchio's Jacobian: q (7,) or None, and ms."""
-    start, q, data, frame = time.perf_counter(), seed.copy(), MODEL.pinocchio.createData(), MODEL.pinocchio.getFrameId("racket")
-    for _ in range(50):
-        jacobian = pin.computeFrameJacobian(MODEL.pinocchio, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-        pin.updateFramePlacements(MODEL.pinocchio, data)
-        pose = data.oMf[frame]
-        across = pose.rotation[:, :2].T
-        error = np.append(racket.position - pose.translation, across @ np.cross(pose.rotation[:, 2], racket.normal))
-        if np.abs(error).max() < 1e-9:
-            return q, 1e3 * (time.perf_counter() - start)
-        q = q + np.linalg.pinv(np.vstack([jacobian[:3], across @ jacobian[3:]])) @ error
-    return None, 1e3 * (time.perf_counter() - start)
-
-
 def main() -> None:
-    given = arguments("arm", 2000)
+    given = arguments("arm", 10000)
     rng, metrics = np.random.default_rng(0), {}
     warm(MODEL)
-
-    rackets = [known(rng) for _ in range(given.runs)]
-    for method in ("best", "near", "liu"):
-        answers = [timed(method, racket, MODEL.waiting) for racket in rackets]
-        metrics[f"reachable rackets reached by {method}, %"] = 100.0 * np.mean([found.reason is None for found, _ in answers])
-        metrics[f"time of {method}, median ms"] = float(np.median([ms for _, ms in answers]))
-        metrics[f"time of {method}, 99 % ms"] = float(np.quantile([ms for _, ms in answers], 0.99))
-
-    answers = [numpy_newton(racket, MODEL.waiting) for racket in rackets[: min(500, given.runs)]]
-    inside = [q is not None and bool(np.all(np.abs(q) <= MODEL.position_limits[:, 1])) for q, _ in answers]
-    metrics["reachable rackets, (4.63) in numpy, in position limits, %"] = 100.0 * np.mean(inside)
-    metrics["time of (4.63) in numpy, median ms"] = float(np.median([ms for _, ms in answers]))
-    near = []
-    position, rotation = MODEL.racket(MODEL.waiting)
-    for _ in range(min(2000, given.runs)):
-        racket = RacketState.facing(1.0, position + rng.uniform(-0.05, 0.05, 3), rng.uniform(-0.5, 0.5, 3), rotation[:, 2])
-        start = time.perf_counter()
-        newton(racket.position.copy(), racket.normal.copy(), np.array(MODEL.waiting), MODEL.chain, 20, 1e-9)
-        near.append((time.perf_counter() - start, timed("near", racket, MODEL.waiting)[1]))
-    metrics["posture near waiting, median us"] = 1e6 * float(np.median([kernel for kernel, _ in near]))
-    metrics["posture and speeds near waiting, checked, median us"] = 1e3 * float(np.median([whole for _, whole in near]))
-
+    metrics |= figures(given.runs)
     printed = {name: RacketState(0.4, np.array(p), np.array(v), alpha, beta) for name, (p, v, alpha, beta) in PRINTED.items()}
     for name, racket in printed.items():
         for method in ("best", "near", "liu"):
             metrics[f"{name}: share of the speed limits, {method}"] = reach(MODEL, racket, MODEL.waiting, method=method).ratio  # type: ignore[arg-type]
         metrics[f"{name}: face turns, rad/s"] = reach(MODEL, racket, MODEL.waiting).turning
-    for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), (20.0, "auto"), (20.0, "quintic"), (20.0, "ruckig")):
+    for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), *((20.0, profile) for profile in PROFILES)):
         limits = SwingLimits(acceleration=acceleration, profile=profile)
         found = [choose(MODEL, [racket], WAITING, limits, ReachParams(), ChoiceParams()) for racket in printed.values()]
         swings = [plan(MODEL, WAITING, reach(MODEL, racket, MODEL.waiting), 1.0, limits) for racket in printed.values()]
@@ -132,7 +80,7 @@ def main() -> None:
     metrics["miss of the simulated racket, worst of five, mm"], metrics["miss of its normal, degrees"] = misses.max(axis=0)
 
     for left in (0.4, 0.5, 0.6, 0.8):
-        strokes = [asked(rng, left) for _ in range(given.runs // 2)]
+        strokes = [asked(rng, left) for _ in range(min(1000, given.runs))]
         start = time.perf_counter()
         made = [choose(MODEL, [stroke], WAITING, SwingLimits(), ReachParams(), ChoiceParams()).swing for stroke in strokes]
         metrics[f"planning of one stroke, mean ms ({left} s left)"] = 1e3 * (time.perf_counter() - start) / len(strokes)

@@ -1,12 +1,18 @@
 """The whole arm without ROS: strokes in, and the simulated racket is there."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from arm.printed import NAMES, printed
+from tt_arm.choice import ChoiceParams, choose
 from tt_arm.control import ArmControl, ControlParams
 from tt_arm.model import ArmModel
+from tt_arm.reach import ReachParams, reach
 from tt_arm.servo import ServoParams, follow
-from tt_arm.swing import Joints, plan
+from tt_arm.swing import Joints, SwingLimits, plan
 from tt_core.states import RacketState
 from tt_sim.plant import Plant, PlantParams
 
@@ -83,6 +89,22 @@ def test_newer_strokes_bend_the_swing():
     assert arm.control.take([newer]).reasons == ("a swing is on its way",)
 
 
+def test_a_ball_does_not_cost_the_one_before():
+    """Strokes of the next ball that come before the strike begin after it, even when they change."""
+    first, second = printed(0.55)[0], printed(1.35)[1]
+    moved = RacketState(second.time, second.position + 0.01, second.velocity, second.alpha, second.beta)
+    arm = Arm()
+    arm.run(0.05)
+    assert arm.control.take([first]).index == 0
+    arm.run(0.4)
+    assert arm.control.take([second]).swing.start.time == first.time
+    arm.run(0.45)
+    assert arm.control.take([moved]).swing.start.time == first.time
+    assert missed(arm.run(0.6, first.time), first)[0] < 0.5
+    assert missed(arm.run(1.5, moved.time), moved)[0] < 0.5
+    assert arm.reasons == {None}
+
+
 def test_the_first_candidate_that_can_be_made_is_taken():
     good, arm = printed(0.5)[1], Arm()
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
@@ -93,6 +115,29 @@ def test_the_first_candidate_that_can_be_made_is_taken():
     assert choice.reasons[0] == "0: out of reach"
     assert choice.reasons[1].startswith("1: the strike is ")
     assert arm.control.take([]).index is None
+
+
+def test_the_first_is_taken_even_with_nothing_to_spare():
+    """A later candidate with more time is no better: their order is the racket's."""
+    start, limits = Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits()
+    racket, relaxed = printed(0.0)[1], printed(1.0)[1]
+    earliest = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time, limits).earliest
+    hasty = RacketState(earliest + 0.002, racket.position, racket.velocity, racket.alpha, racket.beta)
+    choice = choose(MODEL, [hasty, relaxed], start, limits, ReachParams(), ChoiceParams())
+    assert choice.index == 0
+    assert choice.swing.earliest <= hasty.time
+
+
+def test_why_each_candidate_failed_is_told():
+    far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
+    soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
+    candidates = [far, soon, low, far, far]
+    choice = choose(MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), ChoiceParams(tries=3))
+    assert choice.index is None
+    for told, words in zip(
+        choice.reasons, ("0: out of reach", "1: the strike is", "2: the arm would come within", "3 to 4: not tried"), strict=True
+    ):
+        assert told.startswith(words)
 
 
 def test_nothing_moves_unless_enabled():
@@ -165,3 +210,29 @@ def test_the_servo_pulls_towards_the_path():
     assert np.all(follow(rest, 1.0, MODEL.waiting, limits, ServoParams()) == 0.0)
     assert follow(rest, 1.0, MODEL.waiting - 0.01, limits, ServoParams(gain=15.0)) == pytest.approx(np.full(7, 0.15))
     assert follow(rest, 1.0, MODEL.waiting + 9.0, limits, ServoParams()) == pytest.approx(-limits)
+
+
+def test_nothing_is_left_to_compile_once_warm():
+    """In a process of its own, for here the other tests have compiled; a kernel that is loaded while a ball flies costs 0.1 s."""
+    script = """
+import importlib, pkgutil, tt_arm
+from numba.core.dispatcher import Dispatcher
+from arm.printed import printed
+from arm.test_control import MODEL, Arm
+from tt_arm.control import warm
+
+def kernels():
+    modules = [importlib.import_module(f"tt_arm.{m.name}") for m in pkgutil.iter_modules(tt_arm.__path__) if not m.name.endswith("_node")]
+    return {(v.__module__, k, str(s)) for m in modules for k, v in vars(m).items() if isinstance(v, Dispatcher) for s in v.signatures}
+
+warm(MODEL)
+before, arm = kernels(), Arm()
+arm.run(0.05)
+arm.control.take(printed(0.5)[:1])
+arm.run(0.7)
+arm.control.take([*printed(1.3), *printed(0.75)])
+arm.run(2.0)
+print(sorted(kernels() - before))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
+    assert done.stdout.strip() == "[]"

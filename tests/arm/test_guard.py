@@ -51,6 +51,16 @@ def test_what_is_broken_latches_until_reset():
         assert guard.check(3 * TICK, np.zeros(7), MODEL.waiting)[1] is None
 
 
+def test_from_zero_as_long_as_it_knows_no_time():
+    guard, command = Guard(MODEL), np.full(7, 0.5)
+    for _ in range(2):
+        allowed, reason = guard.check(0.0, command, MODEL.waiting)
+        assert np.array_equal(allowed, np.zeros(7))
+        assert reason is None
+        assert "acceleration limit" in guard.check(TICK, command, MODEL.waiting)[1]
+        guard.reset()
+
+
 def test_good_commands_pass_untouched():
     guard = warmed()
     for k in range(1, 50):

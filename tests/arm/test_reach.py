@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 from tt_arm.model import ArmModel
 from tt_arm.motion import least_time
 from tt_arm.reach import ReachParams, adjust, reach
+from tt_arm.speeds import allocate
 from tt_core.errors import OutOfRange
 from tt_core.states import RacketState
 
@@ -71,10 +72,30 @@ def test_printed_rackets_come_in_time(name, racket):
     assert least <= 0.40  # s at 10 rad/s^2: what the reference asks
 
 
+@given(arrays(float, 3, elements=st.floats(-0.05, 0.05)), arrays(float, 3, elements=st.floats(-0.5, 0.5)))
+def test_near_is_the_posture_nearby_with_the_least_speeds(shift, velocity):
+    position, rotation = MODEL.racket(MODEL.waiting)
+    racket = RacketState.facing(1.0, position + shift, velocity, rotation[:, 2])
+    found = reach(MODEL, racket, MODEL.waiting, method="near")
+    check(racket, found)
+    assert found.qdot == pytest.approx(allocate(MODEL, found.q, velocity), abs=1e-9)
+    # the pseudo-inverse moves no joint further than the shift asks: 9 cm by 0.33, the least singular value of the 5 rows at waiting
+    assert np.linalg.norm(found.q - MODEL.waiting) < 0.5
+
+
 def test_a_still_face_costs_speed():
     racket = printed(1.0)[1]
     still, free = (reach(MODEL, racket, MODEL.waiting, ReachParams(turning_weight=w)) for w in (1.0, 0.0))
     assert still.turning < 0.1 < free.turning
+
+
+def test_the_way_back_is_shorter_when_it_counts():
+    def back(found):
+        return max(least_time(*row, 20.0) for row in zip(MODEL.waiting - found.q, found.qdot, np.zeros(7), MODEL.speed_limits, strict=True))
+
+    for racket in printed(1.0):
+        soon, late = (reach(MODEL, racket, MODEL.waiting, ReachParams(acceleration=20.0, return_weight=w)) for w in (5.0, 0.0))
+        assert back(soon) <= back(late)
 
 
 def test_out_of_reach_is_a_reason():

@@ -11,15 +11,17 @@ from tt_core.states import RacketState
 
 from .model import ArmModel
 from .reach import Reach, ReachParams, adjust, reach
-from .swing import Joints, Swing, SwingLimits, plan
+from .swing import Joints, Swing, SwingLimits, strike
+
+HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
 
 
 @dataclass(frozen=True, slots=True)
 class ChoiceParams:
     """How long the arm looks among the candidates."""
 
-    tries: int = 6  # candidates that are worked out, 3 ms each
-    spare: float = 0.02  # s, that the strike should be later than the earliest possible; the first such candidate is taken at once
+    tries: int = 6  # candidates that are worked out, 5 ms each
+    spare: float = 0.02  # s, that the posture should leave to spare, if there is one
     method: str = "best"  # of `reach`; "liu" for comparison
 
     def __post_init__(self) -> None:
@@ -59,7 +61,7 @@ def choose(
     params: ChoiceParams,
     current: tuple[RacketState, Reach] | None = None,
 ) -> Choice:
-    """The first candidate that the arm can make from `start` with time to spare, else the one with most time, within its limits.
+    """The first candidate that the arm can make from `start` in time, within its limits.
 
     current: the stroke on its way, adjusted where it can be. A stroke out of reach raises nothing: it is a reason.
     """
@@ -67,26 +69,23 @@ def choose(
     if current is not None and rackets:
         nearest = min(range(len(rackets)), key=lambda i: apart(current[0], rackets[i]))
         target = adjust(model, rackets[nearest], current[1])
-        swing = plan(model, start, target, rackets[nearest].time, limits)
-        if swing.reason is None:
+        swing, _, reason = strike(model, start, target, rackets[nearest].time, limits)
+        if swing is not None:
             return Choice(nearest, rackets[nearest], target, swing, ())
-        reasons.append(f"{nearest} adjusted: {swing.reason}")
-    best, most = Choice(None, None, None, None, ()), -np.inf
+        reasons.append(f"{nearest} adjusted: {reason}")
     for i, racket in enumerate(rackets[: params.tries]):
-        left = min(10.0, max(0.05, racket.time - start.time - params.spare))
-        target = reach(
-            model,
-            racket,
-            start.q,
-            replace(reaching, swing_time=left, acceleration=limits.acceleration),
-            qdot=start.qdot,
-            method=params.method,
-        )
-        swing = plan(model, start, target, racket.time, limits)
-        spare = racket.time - swing.earliest
-        if swing.reason is None and spare > most:
-            best, most = Choice(i, racket, target, swing, ()), spare
-        if most >= params.spare:
-            break
-        reasons.append(f"{i}: {swing.reason or f'only {1e3 * spare:.0f} ms to spare'}")
-    return replace(best, reasons=tuple(reasons))
+        left = racket.time - start.time - limits.ramp
+        # at the last in time at any price; the search knows what the jerk limit takes only nearly, hence a quarter
+        for spare, weight in ((params.spare, reaching.return_weight), (0.25 * params.spare, 0.0)):
+            time = min(10.0, max(0.05, left - spare))
+            given = replace(reaching, swing_time=time, acceleration=limits.acceleration, return_weight=weight)
+            target = reach(model, racket, start.q, given, qdot=start.qdot, method=params.method)
+            swing, earliest, reason = strike(model, start, target, racket.time, limits)
+            if swing is not None:
+                return Choice(i, racket, target, swing, tuple(reasons))
+            if earliest - racket.time > HOPELESS:
+                break
+        reasons.append(f"{i}: {reason}")
+    if len(rackets) > params.tries:
+        reasons.append(f"{params.tries} to {len(rackets) - 1}: not tried")
+    return Choice(None, None, None, None, tuple(reasons))

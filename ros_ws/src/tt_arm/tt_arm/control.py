@@ -24,7 +24,7 @@ class ControlParams:
     ahead: float = 0.010  # s, a new swing begins this long after the joint state it is planned on, room for the planning itself
     replan: bool = True  # newer strokes for the ball on its way may change the swing
     replan_distance: float = 0.002  # m, what they must differ by, see `apart`
-    same_ball: float = 0.3  # s, strikes closer than this are for one ball
+    same_ball: float = 0.2  # s, strikes closer than this are for one ball; at 94 balls a minute those of two are 0.3 s apart
     lost: float = 0.15  # rad off the path, at which the swing is given up
     horizon: float = 3.0  # s, a strike further ahead than this is refused
 
@@ -67,6 +67,7 @@ class ArmControl:
         self.swing: Swing | None = None
         self.coming: Swing | None = None
         self.stroke: tuple[RacketState, Reach] | None = None
+        self._begin = -np.inf  # s, the strike before the coming one, which no newer swing may touch
 
     def enable(self, on: bool, reason: str = "not enabled") -> None:
         """Switches motion on, forgetting what latched, or off by a controlled stop for that reason."""
@@ -101,19 +102,19 @@ class ArmControl:
             return Choice(None, None, None, None, (self.guard.latched or self._off,))
         if rackets and min(r.time for r in rackets) > self.joints.time + self.params.horizon:
             return Choice(None, None, None, None, (f"the strike is {rackets[0].time - self.joints.time:.2f} s ahead",))
-        current = self.stroke if self.stroke is not None and self.stroke[0].time > self.joints.time else None
+        current, begin = self.stroke if self.stroke is not None and self.stroke[0].time > self.joints.time else None, self._begin
         if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return Choice(None, None, None, None, ("a swing is on its way",))
             if min(apart(current[0], r) for r in rackets) < self.params.replan_distance:
                 return Choice(None, None, None, None, ("the swing on its way will do",))
-        else:
-            current = None
-        time = self.joints.time + self.params.ahead
+        elif current is not None:  # another ball: what is on its way comes first
+            begin, current = current[0].time, None
+        time = max(self.joints.time + self.params.ahead, begin)
         path = self.coming if self.coming is not None and self.coming.start.time <= time else self.swing
-        choice = choose(self.model, rackets, Joints(time, *path.sample(time)), self.limits, self.reaching, self.choosing, current)
+        choice = choose(self.model, rackets, path.joints(time), self.limits, self.reaching, self.choosing, current)
         if choice.swing is not None and choice.racket is not None and choice.reach is not None:
-            self.coming, self.stroke = choice.swing, (choice.racket, choice.reach)
+            self.coming, self.stroke, self._begin = choice.swing, (choice.racket, choice.reach), begin
         return choice
 
     def watch(self, time: float) -> Array | None:
@@ -141,6 +142,7 @@ class ArmControl:
 
     def _forget(self) -> None:
         self.swing = self.coming = self.stroke = None
+        self._begin = -np.inf
 
 
 def warm(model: ArmModel) -> None:
@@ -153,6 +155,9 @@ def warm(model: ArmModel) -> None:
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
     control.step(Joints(0.02, model.waiting, np.zeros(7)))
+    for time in (0.03, 0.04):  # what moves only
+        control.guard.check(time, np.full(7, 0.01), joints.q, joints.qdot)
     for method in ("near", "liu"):
         reach(model, racket, model.waiting, method=method)
-    plan(model, joints, None, 0.0, SwingLimits(profile="quintic"))
+    for profile in ("quintic", "trapezoid", "polyline"):
+        plan(model, joints, None, 0.0, SwingLimits(profile=profile))

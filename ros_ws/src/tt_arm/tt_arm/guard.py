@@ -75,14 +75,14 @@ class Guard:
         down = np.sqrt(2.0 * params.braking * np.maximum(0.0, q - low - params.margin))
         slow = np.clip(command, -speed, speed)
         cut = np.clip(slow, -down, up)
-        step = self._step(time)
+        begins, step = self._time is None, self._step(time)
         allowed = np.clip(self._towards(cut, step), np.maximum(-down, -speed), np.minimum(up, speed))  # room to brake before smoothness
         self.latched = self._collides(q, allowed) if allowed.any() else None
         self._last = allowed if self.latched is None else self._towards(np.zeros(7), step)
         if self.latched is not None:
             return self._last, self.latched
         wrong = np.abs(allowed - command) > 1e-9
-        if not wrong.any():
+        if begins or not wrong.any():  # the first is zero, since how long the arm has had for another is not known
             self._cut_since = None
             return allowed, None
         kind = "speed" if (slow != command).any() else "position" if (cut != command).any() else "acceleration"

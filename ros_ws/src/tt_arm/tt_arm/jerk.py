@@ -1,4 +1,4 @@
-"""Legs with trapezoidal acceleration: speed, acceleration and jerk limited from state to state, by ruckig."""
+"""Legs that are the shortest with a jerk limit, from any state of speed and acceleration, by ruckig."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ SAME = 1e-6  # s, that a leg may last longer than asked
 
 
 def least_jerky(
-    q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float, time: float = 0.0
+    q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float, time: float = 0.0
 ) -> Trajectory | None:
-    """The shortest leg of all joints that lasts at least `time` (s), at rest in acceleration at both ends; None when there is none.
+    """The shortest leg of all joints that lasts at least `time` (s) and ends without acceleration; None when there is none.
 
-    q, v: (7,) rad, rad/s. speed: (7,) rad/s. acceleration: rad/s^2. jerk: rad/s^3.
+    q, v, a: (7,) rad, rad/s, rad/s^2. speed: (7,) rad/s. acceleration: rad/s^2. jerk: rad/s^3.
     """
     given, found = InputParameter(7), Trajectory(7)
-    given.current_position, given.current_velocity, given.current_acceleration = q0.tolist(), v0.tolist(), [0.0] * 7
+    given.current_position, given.current_velocity, given.current_acceleration = q0.tolist(), v0.tolist(), a0.tolist()
     given.target_position, given.target_velocity, given.target_acceleration = q1.tolist(), v1.tolist(), [0.0] * 7
     given.max_velocity, given.max_acceleration, given.max_jerk = speed.tolist(), [acceleration] * 7, [jerk] * 7
     if time > 0.0:

@@ -1,7 +1,9 @@
-"""One joint from one position and speed to another in a given time, within a speed and an acceleration limit.
+"""One joint from one position and speed to another in a given time, within limits of speed, acceleration and jerk.
 
 All speeds possible at a time t lie between two envelopes: as fast as the limits allow, min(v0 + a t, v_max, v1 + a (T - t)), and as slow.
 The distances possible in the time T are therefore an interval, and mixing the two envelopes reaches each of them within the limits.
+Its average over a window, the ramp, has trapezoids for accelerations: no limit is passed by an average, and a step of acceleration becomes
+a ramp. So a jerk limit takes one ramp of time and shifts the ends by half a ramp at their speeds, and all else is as without it.
 Kernels do not validate; rad, s. A motion is a row of polynomials: `knots` (n,), the times where they start, and `coefficients` (n, 6) in
 the time since then, lowest power first.
 """
@@ -92,26 +94,95 @@ def polyline(time: float, q0: float, v0: float, q1: float, v1: float, speed: flo
 
 
 @njit(cache=True)
-def quintic(time: float, q0: float, v0: float, q1: float, v1: float, knots: Array, c: Array) -> int:
-    """The fifth degree polynomial without acceleration at both ends (dissertation Section 1.1): fills one knot, returns 1."""
+def eased(q0: float, v0: float, a0: float, jerk: float) -> tuple[float, float, float]:
+    """The time in which an acceleration a0 ends at `jerk`, and position and speed then."""
+    time = abs(a0) / jerk
+    return time, q0 + time * (v0 + time * a0 / 3.0), v0 + 0.5 * time * a0
+
+
+@njit(cache=True)
+def trapezoid_possible(
+    time: float, q0: float, v0: float, a0: float, q1: float, v1: float, speed: float, acceleration: float, jerk: float
+) -> bool:
+    """Whether `trapezoid` can: the jerk limit's part of `possible`."""
+    first, q0, v0 = eased(q0, v0, a0, jerk)
+    ramp = 2.0 * acceleration / jerk
+    within = time - first - ramp
+    return within > 0.0 and possible(within, q1 - q0 - 0.5 * ramp * (v0 + v1), v0, v1, speed, acceleration)
+
+
+@njit(cache=True)
+def trapezoid(
+    time: float, q0: float, v0: float, a0: float, q1: float, v1: float, speed: float, acceleration: float, jerk: float,
+    knots: Array, c: Array,
+) -> int:  # fmt: skip
+    """Trapezoids of acceleration in a fixed time (dissertation Section 1.1), from the acceleration a0 to none: fills at most 12 knots and
+    their coefficients, returns how many. The motion must be possible.
+
+    a0 ends first. Then the polyline between the shifted ends is averaged over the ramp, in which its largest step, from `acceleration` to
+    -`acceleration`, keeps the jerk limit: each step is a jerk for the length of the ramp.
+    """
+    first, q, v = eased(q0, v0, a0, jerk)
+    ramp = 2.0 * acceleration / jerk
+    within = time - first - ramp
+    corners, pieces = np.empty(6), np.empty((5, 6))
+    polyline(within, q + 0.5 * ramp * v, v, q1 - 0.5 * ramp * v1, v1, speed, acceleration, corners, pieces)
+    corners[5] = within
+    jerks, before = np.empty(6), 0.0
+    for i in range(6):
+        after = 2.0 * pieces[i, 2] if i < 5 else 0.0
+        jerks[i], before = (after - before) / ramp, after
+    changes = np.append(corners, corners + ramp)
+    changes.sort()
+    n, a = 0, a0
+    if first > 0.0:
+        knots[0], c[0] = 0.0, 0.0
+        c[0, 0], c[0, 1], c[0, 2], c[0, 3] = q0, v0, 0.5 * a0, -math.copysign(jerk, a0) / 6.0
+        n, a = 1, 0.0
+    for i in range(11):
+        h = changes[i + 1] - changes[i]
+        if h <= 0.0:
+            continue
+        middle, total = 0.5 * (changes[i] + changes[i + 1]), 0.0
+        for k in range(6):
+            if corners[k] < middle < corners[k] + ramp:
+                total += jerks[k]
+        knots[n], c[n] = first + changes[i], 0.0
+        c[n, 0], c[n, 1], c[n, 2], c[n, 3] = q, v, 0.5 * a, total / 6.0
+        q += h * (v + h * (0.5 * a + h * total / 6.0))
+        v += h * (a + 0.5 * h * total)
+        a += h * total
+        n += 1
+    return n
+
+
+@njit(cache=True)
+def quintic(time: float, q0: float, v0: float, a0: float, q1: float, v1: float, knots: Array, c: Array) -> int:
+    """The fifth degree polynomial from the acceleration a0 to none (dissertation Section 1.1): fills one knot, returns 1."""
     knots[0] = 0.0
     d = q1 - q0
-    c[0, 0], c[0, 1], c[0, 2] = q0, v0, 0.0
-    c[0, 3] = (10.0 * d - (6.0 * v0 + 4.0 * v1) * time) / time**3
-    c[0, 4] = (-15.0 * d + (8.0 * v0 + 7.0 * v1) * time) / time**4
-    c[0, 5] = (6.0 * d - 3.0 * (v0 + v1) * time) / time**5
+    c[0, 0], c[0, 1], c[0, 2] = q0, v0, 0.5 * a0
+    c[0, 3] = (10.0 * d - (6.0 * v0 + 4.0 * v1) * time - 1.5 * a0 * time**2) / time**3
+    c[0, 4] = (-15.0 * d + (8.0 * v0 + 7.0 * v1) * time + 1.5 * a0 * time**2) / time**4
+    c[0, 5] = (6.0 * d - 3.0 * (v0 + v1) * time - 0.5 * a0 * time**2) / time**5
     return 1
 
 
 @njit(cache=True)
-def quintic_holds(time: float, q0: float, v0: float, q1: float, v1: float, speed: float, acceleration: float) -> bool:
-    """Whether the quintic keeps 0.998 of the limits at CHECKS points, so that it keeps them all the way."""
+def quintic_holds(
+    time: float, q0: float, v0: float, a0: float, q1: float, v1: float, speed: float, acceleration: float, jerk: float
+) -> bool:
+    """Whether the quintic keeps the jerk limit, and 0.998 of the others at CHECKS points, so that it keeps them all the way."""
     knots, c = np.empty(1), np.empty((1, 6))
-    quintic(time, q0, v0, q1, v1, knots, c)
+    quintic(time, q0, v0, a0, q1, v1, knots, c)
+    turn = -0.2 * c[0, 4] / c[0, 5] if c[0, 5] != 0.0 else 0.0  # where the jerk, a parabola, turns
+    for t in (0.0, time, min(time, max(0.0, turn))):
+        if abs(6.0 * c[0, 3] + t * (24.0 * c[0, 4] + t * 60.0 * c[0, 5])) > jerk:
+            return False
     for k in range(1, CHECKS):
         t = time * k / CHECKS
-        v = c[0, 1] + t * t * (3.0 * c[0, 3] + t * (4.0 * c[0, 4] + t * 5.0 * c[0, 5]))
-        a = t * (6.0 * c[0, 3] + t * (12.0 * c[0, 4] + t * 20.0 * c[0, 5]))
+        v = c[0, 1] + t * (2.0 * c[0, 2] + t * (3.0 * c[0, 3] + t * (4.0 * c[0, 4] + t * 5.0 * c[0, 5])))
+        a = 2.0 * c[0, 2] + t * (6.0 * c[0, 3] + t * (12.0 * c[0, 4] + t * 20.0 * c[0, 5]))
         if abs(v) > 0.998 * speed or abs(a) > 0.998 * acceleration:
             return False
     return True

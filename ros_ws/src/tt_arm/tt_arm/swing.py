@@ -1,15 +1,17 @@
 """When each joint moves: from where it is, through the strike at its instant, slowing down, and back to waiting, as one path.
 
-The loop is that of dissertation Figure 1.9: approach, strike, slow down to rest, return. Each leg takes one time for all joints, with one
-of the profiles of Chapter 1: "quintic", the fifth degree polynomial; "polyline", speed in straight pieces, the mixed envelopes of
-`motion`, which reach all that the limits allow; "ruckig", trapezoidal acceleration, which limits jerk as well. "auto" is the quintic for
-each joint where that keeps the limits, else the polyline.
+The loop is that of dissertation Figure 1.9: approach, strike, slow down, return. Slowing down and returning are one leg, in which each
+joint turns back as soon as it can, or two with a stop between where something is in the way. A leg takes one time for all joints, with
+one of the profiles of Section 1.1: "quintic", the fifth degree polynomial; "trapezoid", trapezoidal acceleration in a fixed time;
+"polyline", speed in straight pieces, which reaches all that speed and acceleration allow, but steps in acceleration, so that no jerk limit
+can hold; or by "ruckig", the shortest with a jerk limit. "auto" is the quintic for each joint where that keeps the limits, else the
+trapezoid.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,31 +22,33 @@ from tt_core.states import Array
 from .clearance import OBSTACLES, path_clearance
 from .jerk import SAME, append, least_jerky
 from .model import ArmModel
-from .motion import evaluate, least_time, polyline, possible, quintic, quintic_holds
+from .motion import evaluate, least_time, polyline, possible, quintic, quintic_holds, trapezoid, trapezoid_possible
 from .reach import Reach
 from .torque import torque_shares
 
-PIECES = 32  # per joint: hold, three legs of five or (ruckig) seven and two to slow down first, rest
+PIECES = 48  # per joint: hold, three legs of at most twelve, rest
 STEP = 1e-3  # s, of the search for the earliest strike and of the last check of the limits
 COARSE = 10e-3  # s, of the check against the table: at 3 m/s the racket moves 30 mm
-LONGEST = 10.0  # s, the longest leg that is tried
-PROFILES = ("auto", "quintic", "polyline", "ruckig")
-RUCKIG = PROFILES.index("ruckig")
+SHORTEST, LONGEST = 1e-6, 10.0  # s, legs that are tried
+PROFILES = ("auto", "quintic", "trapezoid", "polyline", "ruckig")
+AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
+SLACK = 2e-3  # relative, for rounding in the last check of the limits
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
 SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
-    """The joints at one instant: time s, q (7,) rad, qdot (7,) rad/s."""
+    """The joints at one instant: time s, q (7,) rad, qdot (7,) rad/s, and qddot (7,) rad/s^2 where it is known."""
 
     time: float
     q: Array
     qdot: Array
+    qddot: Array = field(default_factory=lambda: np.zeros(7))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", check_range("time", self.time, -math.inf, math.inf))
-        for name in ("q", "qdot"):
+        for name in ("q", "qdot", "qddot"):
             object.__setattr__(self, name, check_array(name, getattr(self, name), (7,)))
 
 
@@ -55,11 +59,11 @@ class SwingLimits:
     acceleration: float = 20.0  # rad/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
     speed_share: float = 1.0  # of the speed limits, Table A.12
     unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
-    unhurried_return: float = 1.15  # and so does the way back: the next ball comes soon
+    unhurried_return: float = 1.0  # and so may the way back: the next ball comes soon
     torque_share: float = 1.0  # of the rated torque, checked over the whole path with assumed inertias
     margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
     clearance: float = 0.010  # m, that racket and forearm keep from table, floor and arm; more than the guard keeps
-    jerk: float = 2000.0  # rad/s^3 of each joint, for the profile "ruckig"; our choice: 10 ms to the full acceleration
+    jerk: float = 4000.0  # rad/s^3 of each joint, but for the profile "polyline"; our choice: 5 ms to the full acceleration
     profile: str = "auto"  # of a joint: see PROFILES and the top of this file
 
     def __post_init__(self) -> None:
@@ -73,6 +77,11 @@ class SwingLimits:
         check_range("unhurried_return", self.unhurried_return, 1.0, 10.0)
         if self.profile not in PROFILES:
             raise TtError(f"profile = {self.profile!r} is none of {', '.join(PROFILES)}")
+
+    @property
+    def ramp(self) -> float:
+        """s, that the jerk limit takes of the time of a leg, see `motion`."""
+        return 0.0 if self.profile == "polyline" else 2.0 * self.acceleration / self.jerk
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,9 +103,17 @@ class Swing:
 
     def sample(self, time: float) -> tuple[Array, Array]:
         """q (7,) rad and qdot (7,) rad/s at `time` (s); before the start straight towards it, rest after the end."""
+        q, qdot, _ = self._at(time)
+        return q, qdot
+
+    def joints(self, time: float) -> Joints:
+        """The same with the acceleration, from where another swing can take over."""
+        return Joints(time, *self._at(time))
+
+    def _at(self, time: float) -> tuple[Array, Array, Array]:
         q, qdot, qddot = np.empty(7), np.empty(7), np.empty(7)
         evaluate(time - self.start.time, self.knots, self.coefficients, q, qdot, qddot)
-        return q, qdot
+        return q, qdot, qddot
 
     def table(self, step: float) -> tuple[Array, Array, Array]:
         """times (n,) s since start.time, every `step` and at strike and end; q and qdot (n, 7)."""
@@ -107,32 +124,39 @@ class Swing:
 
 
 @njit(cache=True)
-def _holds(time: float, q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, only_quintic: bool) -> bool:
+def _holds(
+    time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float, kind: int
+) -> bool:
     for i in range(7):
-        if only_quintic:
-            if not quintic_holds(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration):
-                return False
-        elif not possible(time, q1[i] - q0[i], v0[i], v1[i], speed[i], acceleration):
+        if kind == POLYLINE:
+            holds = possible(time, q1[i] - q0[i], v0[i], v1[i], speed[i], acceleration)
+        else:
+            ends = (time, q0[i], v0[i], a0[i], q1[i], v1[i], speed[i], acceleration, jerk)
+            holds = kind != QUINTIC and trapezoid_possible(*ends)
+            holds = holds or (kind != TRAPEZOID and quintic_holds(*ends))
+        if not holds:
             return False
     return True
 
 
 @njit(cache=True)
-def _least(q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, only_quintic: bool) -> float:
-    """The shortest time (s) of a leg that keeps the limits in all joints; inf when there is none below LONGEST."""
-    time = 1e-6
+def _longer(
+    time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float, kind: int
+) -> float:
+    """The shortest leg (s) of at least `time` that keeps the limits in all joints; inf when there is none below LONGEST."""
+    time = max(time, SHORTEST)
     for i in range(7):
         time = max(time, least_time(q1[i] - q0[i], v0[i], v1[i], speed[i], acceleration))
-    if _holds(time, q0, v0, q1, v1, speed, acceleration, only_quintic):
+    if _holds(time, q0, v0, a0, q1, v1, speed, acceleration, jerk, kind):
         return time
-    while not _holds(time + STEP, q0, v0, q1, v1, speed, acceleration, only_quintic):
+    while not _holds(time + STEP, q0, v0, a0, q1, v1, speed, acceleration, jerk, kind):
         time += STEP
         if time > LONGEST:
             return np.inf
     low, high = time, time + STEP
     for _ in range(20):
         middle = 0.5 * (low + high)
-        if _holds(middle, q0, v0, q1, v1, speed, acceleration, only_quintic):
+        if _holds(middle, q0, v0, a0, q1, v1, speed, acceleration, jerk, kind):
             high = middle
         else:
             low = middle
@@ -141,17 +165,20 @@ def _least(q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleratio
 
 @njit(cache=True)
 def _leg(
-    begin: float, time: float, q0: Array, v0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, profile: int,
-    knots: Array, coefficients: Array, pieces: npt.NDArray[np.int64],
+    begin: float, time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float,
+    kind: int, knots: Array, coefficients: Array, pieces: npt.NDArray[np.int64],
 ) -> None:  # fmt: skip
     """Appends a leg of `time` that starts at `begin`; pieces (7,) counts the polynomials of each joint."""
     for i in range(7):
         n = pieces[i]
-        smooth = profile == 1 or (profile == 0 and quintic_holds(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration))
-        if smooth:
-            pieces[i] += quintic(time, q0[i], v0[i], q1[i], v1[i], knots[i, n:], coefficients[i, n:])
+        to, into = knots[i, n:], coefficients[i, n:]
+        ends = (time, q0[i], v0[i], a0[i], q1[i], v1[i])
+        if kind == POLYLINE:
+            pieces[i] += polyline(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration, to, into)
+        elif kind == QUINTIC or (kind == AUTO and quintic_holds(*ends, speed[i], acceleration, jerk)):
+            pieces[i] += quintic(*ends, to, into)
         else:
-            pieces[i] += polyline(time, q0[i], v0[i], q1[i], v1[i], speed[i], acceleration, knots[i, n:], coefficients[i, n:])
+            pieces[i] += trapezoid(*ends, speed[i], acceleration, jerk, to, into)
         knots[i, n : pieces[i]] += begin
 
 
@@ -164,125 +191,188 @@ def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: npt
 
 
 @njit(cache=True)
-def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Array, Array, Array]:
-    """Lowest and highest q, highest |qdot| and |qddot| (7,) each, every STEP until `end`."""
-    q, qdot, qddot = np.empty(7), np.empty(7), np.empty(7)
-    low, high, speed, acceleration = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7)
+def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Lowest and highest q, highest |qdot|, |qddot| and jerk (7,) each, every STEP until `end`; a step of acceleration is a high jerk."""
+    q, qdot, qddot, before = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    low, high, speed, acceleration, jerk = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7), np.zeros(7)
     for k in range(int(end / STEP) + 2):
         evaluate(min(end, k * STEP), knots, coefficients, q, qdot, qddot)
         low, high = np.minimum(low, q), np.maximum(high, q)
         speed, acceleration = np.maximum(speed, np.abs(qdot)), np.maximum(acceleration, np.abs(qddot))
-    return low, high, speed, acceleration
+        if k > 0:
+            jerk = np.maximum(jerk, np.abs(qddot - before) / STEP)
+        before[:] = qddot
+    return low, high, speed, acceleration, jerk
 
 
-class _Path:
+class Path:
     """A path in the making: each call appends polynomials for all joints; `now` (s) is how long it is."""
 
-    def __init__(self, model: ArmModel, limits: SwingLimits, profile: str) -> None:
-        self.model, self.limits, self.kind, self.now = model, limits, PROFILES.index(profile), 0.0
-        self.speed = limits.speed_share * model.speed_limits
+    def __init__(self, model: ArmModel, limits: SwingLimits) -> None:
+        self.model, self.limits, self.kind, self.now = model, limits, PROFILES.index(limits.profile), 0.0
+        self.speed, self._bounds = limits.speed_share * model.speed_limits, (limits.acceleration, limits.jerk)
         self.knots, self.coefficients, self._pieces = np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64)
 
-    def least(self, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
-        if self.kind == RUCKIG:
-            return self.longer(0.0, q0, v0, q1, v1)
-        return _least(q0, v0, q1, v1, self.speed, self.limits.acceleration, self.kind == 1)
-
-    def longer(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> float:
-        """s, the shortest possible leg of at least `time`, for a profile that has gaps between the possible times; inf if there is none."""
+    def longer(self, time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> float:
+        """s, the shortest possible leg of at least `time`; inf if there is none."""
         if self.kind != RUCKIG:
-            return time
-        leg = least_jerky(q0, v0, q1, v1, self.speed, self.limits.acceleration, self.limits.jerk, time)
+            return float(_longer(time, q0, v0, a0, q1, v1, self.speed, *self._bounds, self.kind))
+        leg = least_jerky(q0, v0, a0, q1, v1, self.speed, *self._bounds, time)
         return math.inf if leg is None else float(leg.duration)
 
-    def holds(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> bool:
-        if self.kind == RUCKIG:
-            return self.longer(time, q0, v0, q1, v1) <= time + SAME
-        return _holds(time, q0, v0, q1, v1, self.speed, self.limits.acceleration, self.kind == 1)
+    def holds(self, time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> bool:
+        """Whether a leg of `time` (s) is possible."""
+        if self.kind != RUCKIG:
+            return bool(_holds(time, q0, v0, a0, q1, v1, self.speed, *self._bounds, self.kind))
+        return self.longer(time, q0, v0, a0, q1, v1) <= time + SAME
 
     def rest(self, q: Array, time: float) -> None:
         _rest(self.now, q, self.knots, self.coefficients, self._pieces)
         self.now += time
 
-    def leg(self, time: float, q0: Array, v0: Array, q1: Array, v1: Array) -> None:
-        acceleration = self.limits.acceleration
+    def leg(self, time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> None:
+        """One of `longer`'s."""
         if self.kind == RUCKIG:
-            leg = least_jerky(q0, v0, q1, v1, self.speed, acceleration, self.limits.jerk, time)
+            leg = least_jerky(q0, v0, a0, q1, v1, self.speed, *self._bounds, time)
             if leg is None:
-                raise TtError(f"ruckig finds no leg of {time:g} s from {q0}, {v0} to {q1}, {v1}")
+                raise TtError(f"ruckig finds no leg of {time:g} s from {q0}, {v0}, {a0} to {q1}, {v1}")
             append(leg, self.now, self.knots, self.coefficients, self._pieces)
-            self.now += leg.duration
-            return
-        _leg(self.now, time, q0, v0, q1, v1, self.speed, acceleration, self.kind, self.knots, self.coefficients, self._pieces)
+            time = leg.duration
+        else:
+            _leg(self.now, time, q0, v0, a0, q1, v1, self.speed, *self._bounds, self.kind, self.knots, self.coefficients, self._pieces)
         self.now += time
 
-    def home(self, q: Array, qdot: Array, softly: float) -> None:
-        """Slow down in `softly` times the least time, return, wait."""
-        still, waiting = np.zeros(7), self.model.waiting.copy()
-        brake = softly * float(np.abs(qdot).max()) / self.limits.acceleration
-        if brake > 0.0:
-            brake += self.limits.acceleration / self.limits.jerk if self.kind == RUCKIG else 0.0
-            stop = q + 0.5 * brake * qdot
-            self.leg(brake, q, qdot, stop, still)
-            q = stop
-        self.leg(max(STEP, self.limits.unhurried_return * self.least(q, still, waiting, still)), q, still, waiting, still)
-        self.rest(waiting, 0.0)
+    def home(self, q: Array, qdot: Array, qddot: Array, softly: float | None) -> bool:
+        """Slow down, return, wait: in one leg, or with a stop between in `softly` times the least time. Whether there is such a way below
+        LONGEST; where there is none it ends with the stop."""
+        waiting, none = self.model.waiting.copy(), np.zeros(7)
+        if softly is not None and (np.abs(qdot).max() > 0.0 or np.abs(qddot).max() > 0.0):
+            brake, stop = self._brake(q, qdot, qddot, softly)
+            self.leg(brake, q, qdot, qddot, stop, none)
+            q, qdot, qddot = stop, none, none
+        least = max(STEP, self.longer(0.0, q, qdot, qddot, waiting, none))
+        time = self.longer(self.limits.unhurried_return * least, q, qdot, qddot, waiting, none)
+        found = not math.isinf(time)
+        if found:
+            self.leg(time, q, qdot, qddot, waiting, none)
+        self.rest(waiting if found else q, 0.0)
+        return found
+
+    def join(self, other: Path) -> None:
+        """What the other path does, after this one."""
+        for i, (have, more) in enumerate(zip(self._pieces, other._pieces, strict=True)):
+            self.knots[i, have : have + more] = self.now + other.knots[i, :more]
+            self.coefficients[i, have : have + more] = other.coefficients[i, :more]
+        self._pieces += other._pieces
+        self.now += other.now
+
+    def _brake(self, q: Array, qdot: Array, qddot: Array, softly: float) -> tuple[float, Array]:
+        """s, and where (7,) it ends: the first leg that is possible, halfway between going on and stopping at once."""
+        time = softly * float(np.abs(qdot).max()) / self.limits.acceleration
+        while time < LONGEST:
+            stop = q + 0.5 * time * qdot
+            if self.holds(time, q, qdot, qddot, stop, np.zeros(7)):
+                return time, stop
+            time += STEP
+        raise TtError(f"no way to stop within {LONGEST:g} s from qdot = {qdot}, qddot = {qddot}")
 
     def hits(self) -> str | None:
-        """What is in the way: a joint's end, the table, the floor, the arm itself or the motors' torque."""
-        low, high, _, _ = extremes(self.now, self.knots, self.coefficients)
+        """What is in the way: a joint's end or another limit of it, the table, the floor, the arm itself or the motors' torque."""
+        names, (acceleration, jerk) = self.model.names, self._bounds
+        low, high, fastest, hardest, sharpest = extremes(self.now, self.knots, self.coefficients)
         room = np.minimum(low - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - high)
         if room.min() < self.limits.margin:
-            return f"joint {self.model.names[int(room.argmin())]} would come within {max(0.0, room.min()):.3f} rad of its limit on the way"
-        braking, enough = self.limits.acceleration, self.limits.clearance
-        left, what = path_clearance(self.now, COARSE, braking, enough, self.knots, self.coefficients, self.model.chain)
+            return f"joint {names[int(room.argmin())]} would come within {max(0.0, room.min()):.3f} rad of its limit on the way"
+        shares = {"speed": fastest / self.speed, "acceleration": hardest / acceleration}
+        if self.kind != POLYLINE:
+            shares["jerk"] = sharpest / jerk
+        for name, share in shares.items():
+            if share.max() > 1.0 + SLACK:
+                return f"joint {names[int(share.argmax())]} would need {share.max():.3f} of its {name} limit on the way"
+        enough = self.limits.clearance
+        left, what = path_clearance(self.now, COARSE, acceleration, enough, self.knots, self.coefficients, self.model.chain)
         if left < enough:
             return f"the arm would come within {max(0.0, 1e3 * left):.0f} mm of {OBSTACLES[what]} on the way or braking there"
-        shares = torque_shares(self.model, self.now, 2.0 * COARSE, self.knots, self.coefficients)
-        if shares.max() > self.limits.torque_share:
-            return f"joint {self.model.names[int(shares.argmax())]} would need {shares.max():.2f} of its rated torque on the way"
+        torque = torque_shares(self.model, self.now, 2.0 * COARSE, self.knots, self.coefficients)
+        if torque.max() > self.limits.torque_share:
+            return f"joint {names[int(torque.argmax())]} would need {torque.max():.2f} of its rated torque on the way"
         return None
+
+
+def _homeward(model: ArmModel, limits: SwingLimits, q: Array, qdot: Array, qddot: Array) -> tuple[Path, str | None]:
+    """The first way to waiting that nothing is in: at once, by a soft stop, by the shortest stop; else the last, and what is in it."""
+    for softly in (None, SOFT, 1.0):
+        path = Path(model, limits)
+        reason = path.hits() if path.home(q, qdot, qddot, softly) else f"the way back to waiting takes more than {LONGEST:g} s"
+        if reason is None:
+            break
+    return path, reason
+
+
+def strike(
+    model: ArmModel, start: Joints, target: Reach, strike_time: float, limits: SwingLimits
+) -> tuple[Swing | None, float, str | None]:
+    """The swing through the target, or None; the earliest possible strike (s), inf if there is none; and why there is no swing.
+
+    See `plan`; this spares the way home of an arm that makes no strike.
+    """
+    start = _begin(model, start, limits)
+    if target.reason is not None:
+        return None, math.inf, target.reason
+    path, moving = Path(model, limits), _moves(start, limits)
+    ends = (np.array(start.q), np.array(start.qdot), np.array(start.qddot), target.q, target.qdot)
+    time, shortest = strike_time - start.time, path.longer(0.0, *ends)
+    earliest = start.time + shortest
+    if math.isinf(shortest):
+        return None, earliest, "the limits allow no way to this strike"
+    if time < shortest:
+        return None, earliest, f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
+    reason: str | None = None
+    for hurry in (limits.unhurried, 1.0):
+        path = Path(model, limits)
+        approach = path.longer(time if moving else min(time, hurry * shortest), *ends)
+        if approach > time + SAME:
+            reason = "the arm moves too fast to arrive as late as that" if moving else "the limits allow no way that arrives then"
+            continue
+        if approach < time:
+            path.rest(ends[0], time - approach)
+        path.leg(approach, *ends)
+        reason = path.hits()
+        if reason is None:
+            break
+    if reason is not None:
+        return None, earliest, reason
+    homeward, reason = _homeward(model, limits, target.q, target.qdot, np.zeros(7))
+    if reason is not None:
+        return None, earliest, reason
+    path.join(homeward)
+    return Swing(start, strike_time, start.time + path.now, earliest, None, path.knots, path.coefficients), earliest, None
+
+
+def _begin(model: ArmModel, start: Joints, limits: SwingLimits) -> Joints:
+    """The start within the limits, without acceleration where none is kept."""
+    speed = limits.speed_share * model.speed_limits
+    begin = Joints(start.time, start.q, np.clip(start.qdot, -speed, speed), np.clip(start.qddot, -limits.acceleration, limits.acceleration))
+    return begin if _moves(begin, limits) and limits.profile != "polyline" else replace(begin, qddot=np.zeros(7))
+
+
+def _moves(start: Joints, limits: SwingLimits) -> bool:
+    """Whether it does, or is about to."""
+    return bool((np.abs(start.qdot) + 0.5 * start.qddot**2 / limits.jerk).max() > AT_REST)
 
 
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
     """The swing from `start` that has the joints at target.q with target.qdot at `strike_time` (s), and then waits for the next ball.
 
-    A start at rest is held as long as an unhurried approach allows; a moving start has no jump in position or speed. target None only
-    returns to waiting. The start's speeds must be within the limits. Raises OutOfRange, NotFinite.
+    A start at rest is held as long as an unhurried approach allows; a moving start has no jump in position or speed, nor in acceleration
+    but with the profile "polyline". target None only returns to waiting. The start's speeds must be within the limits.
+    Raises OutOfRange, NotFinite.
     """
     limits = limits or SwingLimits()
-    strike_time = check_range("strike_time", strike_time, -1e18, 1e18)
-    hardest = "ruckig" if limits.profile == "ruckig" else "polyline"
-    path = _Path(model, limits, limits.profile)
-    q0, v0 = np.array(start.q), np.clip(start.qdot, -path.speed, path.speed)
-    start, moving = Joints(start.time, q0, v0), bool(np.abs(v0).max() > AT_REST)
-    earliest, reason = math.inf, None if target is None else target.reason
-    if target is not None and reason is None:
-        time, shortest = strike_time - start.time, path.least(q0, v0, target.q, target.qdot)
-        earliest = start.time + shortest
-        if math.isinf(shortest):
-            reason = "the limits allow no way to this strike"
-        elif time < shortest:
-            reason = f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
-        elif moving and not path.holds(time, q0, v0, target.q, target.qdot):
-            reason = "the arm moves too fast to arrive as late as that"
-        else:
-            for hurry, softly, profile in ((limits.unhurried, SOFT, limits.profile), (1.0, SOFT, limits.profile), (1.0, 1.0, hardest)):
-                path = _Path(model, limits, profile)
-                approach = time if moving else path.longer(min(time, hurry * shortest), q0, v0, target.q, target.qdot)
-                if approach > time + SAME:
-                    reason = "the limits allow no way that arrives then"
-                    continue
-                if approach < time:
-                    path.rest(q0, time - approach)
-                path.leg(approach, q0, v0, target.q, target.qdot)
-                path.home(target.q, target.qdot, softly)
-                reason = path.hits()
-                if reason is None:
-                    return Swing(start, strike_time, start.time + path.now, earliest, None, path.knots, path.coefficients)
-    for softly, profile in ((SOFT, limits.profile), (1.0, hardest)):
-        path = _Path(model, limits, profile)
-        path.home(q0, v0 if moving else np.zeros(7), softly)
-        if path.hits() is None:
-            break
+    strike_time, start = check_range("strike_time", strike_time, -1e18, 1e18), _begin(model, start, limits)
+    swing, earliest, reason = (None, math.inf, None) if target is None else strike(model, start, target, strike_time, limits)
+    if swing is not None:
+        return swing
+    qdot = np.array(start.qdot) if _moves(start, limits) else np.zeros(7)
+    path, _ = _homeward(model, limits, np.array(start.q), qdot, np.array(start.qddot))
     return Swing(start, math.inf, start.time + path.now, earliest, reason, path.knots, path.coefficients)
