@@ -123,15 +123,16 @@ class BallPath:
         """The ball at `time`, after the bounce when a bounce is at `time`; raises OutOfRange outside the path."""
         time = check_range("time", time, self.times[0], self.times[-1])
         i = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
-        h = self.times[i] - self.times[i - 1] if i else 0.0
+        h = float(self.times[i] - self.times[i - 1]) if i else 0.0
         if h == 0.0:
             return BallState.trusted(time, self.positions[i], self.velocities[i], self.spins[i])
-        s = (time - self.times[i - 1]) / h
-        p0, p1, m0, m1 = self.positions[i - 1], self.positions[i], h * self.velocities[i - 1], h * self.velocities[i]
-        a, b = 2.0 * (p0 - p1) + m0 + m1, 3.0 * (p1 - p0) - 2.0 * m0 - m1
-        position = ((a * s + b) * s + m0) * s + p0
-        velocity = ((3.0 * a * s + 2.0 * b) * s + m0) / h
-        spin = (1.0 - s) * self.spins[i - 1] + s * self.spins[i]
+        s = float(time - self.times[i - 1]) / h
+        ends = self.positions[i - 1 : i + 1], self.velocities[i - 1 : i + 1]
+        rise, u = s * s * (3.0 - 2.0 * s), 1.0 - s  # cubic Hermite
+        slope = 6.0 * s * u / h
+        position = np.array([1.0 - rise, rise]) @ ends[0] + np.array([h * s * u * u, -h * s * s * u]) @ ends[1]
+        velocity = np.array([-slope, slope]) @ ends[0] + np.array([u * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)]) @ ends[1]
+        spin = np.array([u, s]) @ self.spins[i - 1 : i + 1]
         for array in (position, velocity, spin):
             array.flags.writeable = False
         return BallState.trusted(time, position, velocity, spin)
