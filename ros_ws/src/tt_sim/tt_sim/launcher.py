@@ -56,7 +56,7 @@ class LauncherParams:
     axis_scatter: float = 0.05  # rad, of the spin's axis; Tables 2.1 to 2.3 show about 0.1
     yaw_scatter: float = 0.01  # rad
     place_scatter: float = 0.002  # m
-    rate: float = 0.0  # balls a minute, of the node, an episode is one ball; 0: only when asked
+    rate: float = 0.0  # balls a minute; 0: one by one, when asked
 
     def __post_init__(self) -> None:
         check_range("x", self.x, 1.5, 5.0)

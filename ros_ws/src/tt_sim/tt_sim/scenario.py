@@ -28,8 +28,10 @@ from .faults import CameraFaults
 from .launcher import KINDS, MIXED, LauncherParams, row
 from .plant import PlantParams
 from .vary import Variation
+from .wide import WideFaults
 from .world import LEAST_CONTACT
 
+SESSION = 25  # balls, 16 s at the highest rate
 HOME = Path(__file__).parent
 MODELS = {
     "liu": Physics.liu(),
@@ -44,12 +46,13 @@ class BadScenario(TtError):
 
 @dataclass(frozen=True)
 class Truth:
-    """The world. vary: by how much its coefficients differ from trial to trial. sight: the error model of its cameras, a file of
-    `sights/`, for scenarios without images."""
+    """The world. vary: by how much its coefficients differ from trial to trial. wide: of the cameras that judge returns. sight: the error
+    model of the fast cameras, a file of `sights/`, for scenarios without images."""
 
     physics: Physics = field(default_factory=Physics.liu)
     vary: Variation = field(default_factory=Variation)
     cameras: CameraFaults = field(default_factory=CameraFaults)
+    wide: WideFaults = field(default_factory=WideFaults)
     plant: PlantParams = field(default_factory=PlantParams)
     sight: str = "clear"
 
@@ -83,8 +86,9 @@ class Robot:
 @dataclass(frozen=True)
 class Scenario:
     """kind: one of KINDS, or "mixed", all in turn. scale: of the catapult, one or several in turn. shots: "catapult", "rallies", drawn from
-    real play, or "given", the `ball` itself. goal: None answers the measured spin (`tt_racket.goal`). images: rendered and measured, or
-    the measurement's error model instead. tick: s between two joint states.
+    real play, "given", the `ball` itself, or "rotation", held by the rotation machine. goal: None answers the measured spin
+    (`tt_racket.goal`). session: balls that one arm meets at the launcher's rate, without a rate each ball has an arm that waits for it.
+    images: rendered and measured, or the measurement's error model instead. tick: s between two joint states.
     """
 
     kind: str = MIXED
@@ -95,6 +99,7 @@ class Scenario:
     world: Truth = field(default_factory=Truth)
     robot: Robot = field(default_factory=Robot)
     launcher: LauncherParams = field(default_factory=LauncherParams)
+    session: int | None = None
     images: bool = True
     tick: float = 0.002
     name: str = ""
@@ -102,17 +107,28 @@ class Scenario:
     def __post_init__(self) -> None:
         check_range("tick", self.tick, 5e-4, 0.02)
         _one_of("kind", self.kind, (*KINDS, MIXED))
-        _one_of("shots", self.shots, ("catapult", "rallies", "given"))
+        _one_of("shots", self.shots, ("catapult", "rallies", "given", "rotation"))
         if not self.scales:
             raise TtError("scale = () is empty")
         for scale in self.scales:
             row("top", scale, self.launcher.z)
         if (self.shots == "given") != (self.ball is not None):
             raise TtError(f"ball goes with shots 'given', not with {self.shots!r}" if self.ball else "ball is missing")
+        if self.launcher.rate and self.shots == "rotation":
+            raise TtError(f"launcher.rate = {self.launcher.rate:g} goes with balls that fly, not with shots 'rotation'")
+        if self.session is not None:
+            check_range("session", self.session, 2, 1000)
+            if not self.launcher.rate:
+                raise TtError(f"session = {self.session} goes with a launcher.rate")
 
     @property
     def scales(self) -> tuple[int, ...]:
         return self.scale if isinstance(self.scale, tuple) else (self.scale,)
+
+    @property
+    def balls(self) -> int:
+        """Of a session; 1 without a rate."""
+        return (self.session or SESSION) if self.launcher.rate else 1
 
     def shot(self, seed: int) -> tuple[str, int]:
         """Kind and scale of a trial: by turns, so that all are played equally often."""

@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numba import njit
 from scipy.optimize import nnls
 from tt_core.constants import BALL_RADIUS
-from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_vision.burst import BurstParams
 from tt_vision.camera import Camera
 from tt_vision.rig import FRAME_RATE
+
+from .outcome import places
 
 SPIN, SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
 MARGIN = 2.0  # pixels that an image shows around a whole ball
@@ -90,26 +90,15 @@ def _load(name: str) -> Sight:
     return Sight(content["refused"], parts, np.array(content["correlation"]))
 
 
-@njit(cache=True)
-def _places(ball: Array, times: Array, air: Array) -> Array:
-    """(n, 3) m, of the ball (9,) in free flight at times (n,) s, rising."""
-    out, now, last = np.empty((len(times), 3)), ball, 0.0
-    for i in range(len(times)):
-        now = fly(now, times[i] - last, air)
-        last = times[i]
-        out[i] = now[:3]
-    return out
-
-
 def last_frame(ball: BallState, cameras: tuple[Camera, ...], physics: Physics, frames: int = BurstParams.frames) -> float | None:
     """s, of the last frame of the burst: the first `frames` that show the whole ball in all images; None when there are not enough."""
     times = np.arange(1, FRAMES) / FRAME_RATE
-    places = _places(ball.vector, times, physics.air.coefficients)
+    at = places(ball.vector, times, physics.air.coefficients)
     whole = np.ones(len(times), dtype=bool)
     for camera in cameras:
-        depth = places @ camera.rotation[2] + camera.translation[2]
+        depth = at @ camera.rotation[2] + camera.translation[2]
         radius = camera.focal_length / camera.pixel_size * BALL_RADIUS / depth + MARGIN
-        u, v = camera.project(places).T
+        u, v = camera.project(at).T
         whole &= (u > radius) & (v > radius) & (u < camera.width - 1 - radius) & (v < camera.height - 1 - radius)
     seen = np.flatnonzero(whole)
     return None if len(seen) < frames else ball.time + float(times[seen[frames - 1]])
