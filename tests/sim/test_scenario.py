@@ -44,6 +44,10 @@ def test_profiles_hold_what_they_say():
         ({"scale": [3, 11]}, "mine.yaml: scale: 11 is outside [1, 10]"),
         ({"kind": "lob"}, "mine.yaml: kind 'lob' is none of top, back"),
         ({"shots": "given"}, "mine.yaml: ball is missing"),
+        (
+            {"shots": "given", "images": False, "ball": {"position": [2.6, 0.7, 0.3], "velocity": [-17, 0, 0], "spin": [0, 0, 0]}},
+            "mine.yaml: speed of the ball without images: 17 is outside [0, 16]",
+        ),
         ({"session": 20}, "mine.yaml: session = 20 goes with a launcher.rate"),
         ({"session": 1, "launcher": {"rate": 60}}, "mine.yaml: session: 1 is outside [2, 1000]"),
         ({"shots": "rotation", "launcher": {"rate": 60}}, "mine.yaml: launcher.rate = 60 goes with balls that fly"),

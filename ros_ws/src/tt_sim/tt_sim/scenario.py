@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from tt_core.bounce import RacketRebound, TableRebound
 from tt_core.constants import BALL_RADIUS
@@ -27,6 +28,7 @@ from tt_racket.intercept import InterceptParams
 from .faults import CameraFaults
 from .launcher import KINDS, MIXED, LauncherParams, row
 from .plant import PlantParams
+from .sight import FASTEST
 from .vary import Variation
 from .wide import WideFaults
 from .world import LEAST_CONTACT
@@ -114,6 +116,8 @@ class Scenario:
             row("top", scale, self.launcher.z)
         if (self.shots == "given") != (self.ball is not None):
             raise TtError(f"ball goes with shots 'given', not with {self.shots!r}" if self.ball else "ball is missing")
+        if self.ball is not None and not self.images:
+            check_range("speed of the ball without images", float(np.linalg.norm(self.ball.velocity)), 0.0, FASTEST)
         if self.launcher.rate and self.shots == "rotation":
             raise TtError(f"launcher.rate = {self.launcher.rate:g} goes with balls that fly, not with shots 'rotation'")
         if self.session is not None:

@@ -2,7 +2,8 @@
 
 Each of the nine errors is normal, with a variance that is the sum of four causes: none, spin (|w| / 300 rad/s)^2, speed s^2 and blur s^4
 with s = |v| / 5 m/s; they are correlated as fitted. The time of the measurement needs no fit: it is that of the last frame of the burst,
-which the geometry tells. Fitted to the catapult's balls of all scales, 2.5 to 14 m/s; for slower ones it promises too much.
+which the geometry tells. Fitted to the catapult's balls of all scales, up to 14 m/s, and to as many slower than 3 m/s, down to rest: all
+that scenarios play. A ball faster than FASTEST is refused, the fit says nothing about it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from tt_vision.rig import FRAME_RATE
 
 from .outcome import places
 
+FASTEST = 16.0  # m/s, the catapult's fastest with its scatter
 SPIN, SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
 MARGIN = 2.0  # pixels that an image shows around a whole ball
 FRAMES = 60  # after the launch, looked through for the burst

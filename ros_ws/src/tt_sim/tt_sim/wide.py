@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 from tt_core.errors import check_range
+from tt_core.flight import fly
 from tt_core.states import Array
 from tt_vision.camera import Camera
 from tt_vision.rig import WIDE_RATE, wide_pair
 
+from .hardware import Tick
 from .outcome import Outcome
 
 LONGEST = 3.0  # s after the launch, that a ball is followed
@@ -61,6 +63,25 @@ class WidePair:
         with np.errstate(invalid="ignore"):
             outside = ((seen < 0.0) | (seen > np.array([self.cameras[0].width - 1, self.cameras[0].height - 1]))).any(axis=2)
         seen[outside | (rng.uniform(size=shape[:2]) < faults.dropped)] = np.nan
+        return seen
+
+
+class WideWatch:
+    """The pair in a running world, frame by frame from `start` (s) on. air: coefficients of the balls, good enough for a part of a tick."""
+
+    def __init__(self, faults: WideFaults, air: Array, start: float, rng: np.random.Generator) -> None:
+        self._pair, self._air, self._rng, self._due = WidePair(faults, rng), air, rng, start
+
+    def frames(self, tick: Tick) -> list[tuple[float, int, Array]]:
+        """(stamp s, 0 left or 1 right, pixel (2,)) of the frames during the tick that show the ball."""
+        seen = []
+        while self._due <= tick.joints.time:
+            then = next((contact.before for contact in tick.contacts if contact.before.time >= self._due), tick.ball)
+            if then is not None:
+                place = fly(then.vector, self._due - then.time, self._air)[None, :3]
+                pixels = self._pair.pixels(place, self._rng)[:, 0]
+                seen += [(self._due, side, pixel) for side, pixel in enumerate(pixels) if np.isfinite(pixel).all()]
+            self._due += 1.0 / WIDE_RATE
         return seen
 
 
