@@ -147,14 +147,22 @@ def scatter(numbers: dict[str, Array]) -> go.Figure:
 
 
 def causes(numbers: dict[str, Array]) -> go.Figure:
-    """Landing error against spin and speed of the incoming ball."""
-    figure = make_subplots(rows=1, cols=2, shared_yaxes=True)
-    for column, (name, title) in enumerate((("spin_rpm", "spin, rpm"), ("speed", "speed, m/s")), 1):
-        marker = {"size": 4, "color": BLUE, "opacity": 0.4}
-        figure.add_scatter(x=numbers[name], y=100 * numbers["landing_error"], mode="markers", marker=marker, row=1, col=column)
-        figure.update_xaxes(title_text=f"{title} of the launched ball", row=1, col=column)
-    figure.update_yaxes(title_text="landing off, cm", row=1, col=1)
-    return figure.update_layout(title="Error against spin and speed", showlegend=False, height=420)
+    """Errors of the landing and of the measured spin against spin and speed of the launched ball."""
+    errors = (("landing_error", 100.0, "landing off, cm"), ("measured_spin_error_rpm", 1.0, "measured spin off, rpm"))
+    there = [error for error in errors if np.isfinite(numbers[error[0]]).any()]
+    figure = make_subplots(rows=max(1, len(there)), cols=2, shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.06)
+    for row, (error, scale, name) in enumerate(there, 1):
+        for column, (cause, title) in enumerate((("spin_rpm", "spin, rpm"), ("speed", "speed, m/s")), 1):
+            dots = {
+                "x": numbers[cause],
+                "y": scale * numbers[error],
+                "mode": "markers",
+                "marker": {"size": 4, "color": BLUE, "opacity": 0.4},
+            }
+            figure.add_scatter(**dots, row=row, col=column)
+            figure.update_xaxes(title_text=f"{title} of the launched ball", row=len(there), col=column)
+        figure.update_yaxes(title_text=name, rangemode="tozero", row=row, col=1)
+    return figure.update_layout(title="Error against spin and speed", showlegend=False, height=160 + 260 * len(there))
 
 
 def judged_off(numbers: dict[str, Array]) -> go.Figure:
@@ -243,13 +251,15 @@ def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
         parts.append(f"<h3>{html.escape(title)}</h3><table>{''.join(lines)}</table>")
     sections = [("One ball", [one_ball(ball)])] if ball is not None else []
     for s in sweeps:
-        shown = {name: column[:SHOWN] for name, column in s.numbers.items()}
-        sections.append((s.name, [scatter(shown), causes(shown), judged_off(shown), reasons(s.misses, s.judged)]))
+        shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
+        figures = [scatter(shown), causes(shown), judged_off(shown)] if landed else [causes(shown)]
+        sections.append((s.name, [*figures, reasons(s.misses, s.judged)]))
     first = True
     for name, figures in sections:
         parts.append(f"<h2>{html.escape(name)}</h2>")
         for figure in figures:
-            parts.append(figure.update_layout(template="plotly_white").to_html(full_html=False, include_plotlyjs=first))
+            figure.update_layout(template="plotly_white", legend={"itemsizing": "constant"})
+            parts.append(figure.to_html(full_html=False, include_plotlyjs=first))
             first = False
     return f"<!doctype html><meta charset=utf-8><title>Rallies</title><style>{STYLE}</style><h1>Rallies</h1>{''.join(parts)}"
 
