@@ -1,11 +1,16 @@
 """Scenarios are read strictly: what is there can be played, what is wrong is told by its path in the file."""
 
+from dataclasses import fields
+
 import pytest
 import yaml
 from tt_core.physics import Physics
 from tt_sim.faults import CameraFaults
 from tt_sim.launcher import KINDS
-from tt_sim.scenario import BadScenario, Scenario, load, names
+from tt_sim.plant import PlantParams
+from tt_sim.scenario import HOME, BadScenario, Scenario, load, names
+from tt_sim.vary import Variation
+from tt_sim.wide import WideFaults
 
 PROFILES = {"ideal", "liu", "real", "harsh"}
 
@@ -17,6 +22,17 @@ def test_every_scenario_world_and_robot_here_can_be_read():
         assert isinstance(scenario, Scenario)
     for world in names("worlds"):
         load("liu", world=world)
+
+
+def test_every_profile_names_every_fault():
+    """Zero where it has none, so that a reader sees what there is; `real` and `harsh` have them all."""
+    kinds = {"vary": Variation, "cameras": CameraFaults, "wide": WideFaults, "plant": PlantParams}
+    for name in PROFILES:
+        content = yaml.safe_load((HOME / "worlds" / f"{name}.yaml").read_text())
+        for part, kind in kinds.items():
+            assert set(content[part]) == {field.name for field in fields(kind)}, (name, part)
+            if name in ("real", "harsh"):
+                assert all(value > 0.0 for value in content[part].values()), (name, part)
 
 
 def test_profiles_hold_what_they_say():
