@@ -84,6 +84,9 @@ def test_what_is_wrong_is_told_by_its_path(content, told, tmp_path):
 
 def test_a_file_that_is_no_yaml_is_refused(tmp_path):
     file = tmp_path / "mine.yaml"
+    file.write_text("launcher:\n  rate: 30\n  rate: 60\n")
+    with pytest.raises(BadScenario, match=r"^mine\.yaml: rate is given twice"):
+        load(str(file))
     file.write_text("a: [1, 2")
     with pytest.raises(BadScenario, match=r"^mine\.yaml: "):
         load(str(file))

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from tt_core.errors import TtError
+from tt_sim import rallies
 from tt_sim.evaluate import JUDGE, Sweep, judge_errors, returns
 from tt_sim.evaluate import main as evaluate
 from tt_sim.scenario import load
@@ -141,6 +142,14 @@ def test_a_file_that_is_no_sweep_is_refused(tmp_path, whole, monkeypatch, capsys
         with pytest.raises(SystemExit) as ended:
             evaluate()
         assert ended.value.code == 2 and told in capsys.readouterr().err
+
+
+def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, monkeypatch):
+    monkeypatch.delenv("TT_DATA_DIR", raising=False)
+    rallies.shots.cache_clear()
+    with pytest.raises(TtError, match="TT_DATA_DIR names no folder"):
+        sweep(load("rallies", images=False), 10, tmp_path / "run.parquet")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

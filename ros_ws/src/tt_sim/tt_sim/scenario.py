@@ -180,9 +180,20 @@ def _find(name: str, folder: str, beside: Path) -> Path:
     raise BadScenario(f"{name}: no such file, and none of the {folder} here, {', '.join(names(folder))}")
 
 
+class _Strict(yaml.SafeLoader):
+    """Refuses a key that is given twice, of which YAML's readers take the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise yaml.constructor.ConstructorError(None, None, f"{twice} is given twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
 def _read(file: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(file.read_text())
+        content = yaml.load(file.read_text(), _Strict)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise BadScenario(f"{file.name}: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):

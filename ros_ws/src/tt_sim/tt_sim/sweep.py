@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tt_core.errors import TtError
 
-from .episode import play, session
+from .episode import Trial, play, session
 from .figures import NUMBERS, TEXTS, figures
 from .scenario import Scenario, load
 
@@ -61,8 +61,9 @@ def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor
 def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = PART) -> None:
     """Plays what is not played yet and writes `out`. scheduler: address of a Dask scheduler instead of processes of this machine.
 
-    Raises TtError when other balls lie in the parts.
+    Raises TtError when other balls lie in the parts, or when there are no such balls, before anything is played.
     """
+    Trial.drawn(scenario, 0)
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
     told = folder / "scenario.json"
     if told.is_file() and json.loads(told.read_text())["fingerprint"] != mark:
