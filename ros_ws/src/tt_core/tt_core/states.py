@@ -122,16 +122,15 @@ class BallPath:
     def at(self, time: float) -> BallState:
         """The ball at `time`, after the bounce when a bounce is at `time`; raises OutOfRange outside the path."""
         time = check_range("time", time, self.times[0], self.times[-1])
-        i = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
+        i = min(int(self.times.searchsorted(time, side="right")), len(self.times) - 1)
         h = float(self.times[i] - self.times[i - 1]) if i else 0.0
         if h == 0.0:
             return BallState.trusted(time, self.positions[i], self.velocities[i], self.spins[i])
         s = float(time - self.times[i - 1]) / h
-        ends = self.positions[i - 1 : i + 1], self.velocities[i - 1 : i + 1]
-        rise, u = s * s * (3.0 - 2.0 * s), 1.0 - s  # cubic Hermite
+        rise, u = s * s * (3.0 - 2.0 * s), 1.0 - s  # cubic Hermite, and its derivative
         slope = 6.0 * s * u / h
-        position = np.array([1.0 - rise, rise]) @ ends[0] + np.array([h * s * u * u, -h * s * s * u]) @ ends[1]
-        velocity = np.array([-slope, slope]) @ ends[0] + np.array([u * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)]) @ ends[1]
+        weights = [[1.0 - rise, rise, h * s * u * u, -h * s * s * u], [-slope, slope, u * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)]]
+        position, velocity = np.array(weights) @ np.concatenate([self.positions[i - 1 : i + 1], self.velocities[i - 1 : i + 1]])
         spin = np.array([u, s]) @ self.spins[i - 1 : i + 1]
         for array in (position, velocity, spin):
             array.flags.writeable = False

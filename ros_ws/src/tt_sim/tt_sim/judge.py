@@ -3,12 +3,17 @@
 The dissertation draws a smooth curve through the places seen and reads landing place and time off it; it does not tell the spin of a
 return. Here, too, nothing but the places is used. A kink in them is a contact, of the surface that is there; the flights between kinks are
 fitted by the flight model, with the air as identified in that laboratory (Section 3.5.1), and two flights meet at the contact. The spin is
-what bends the flight: its part across the velocity, not the one along it, which bends nothing and is taken as none.
+what bends the flight: its part across the velocity; the part along it bends nothing, so that spin_x, near it, is hardly known.
+
+How well it sees, judged minus true over 500 balls: in the world `liu` landing place 0.4 mm, flight time 0.1 ms, spin 1 and 2 rad/s about y
+and z (standard deviations). In `real` 2.3 mm, 0.3 ms, 25 and 22 rad/s: real lift hardly grows with the spin any more and differs from ball
+to ball, so a flight tells little of its spin. `ros2 run tt_sim evaluate` prints these for any sweep.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.flight import fly
@@ -27,7 +32,7 @@ FEWEST = 5  # places of a flight
 SCATTER = 2.0e-3  # m, of a place seen, for the weight of SPIN: that of bad cameras
 SPIN = 300.0  # rad/s, expected of any ball, as a standard deviation: holds back what the flight does not show
 MOST_SPIN = 1500.0  # rad/s about each axis, more than is played
-ROUNDS = 4  # of Gauss-Newton; the change is below 1e-6 m then
+ROUNDS, FRESH = 5, 3  # of Gauss-Newton, and the first of them that look for the slopes anew
 
 
 @njit(cache=True)
@@ -37,31 +42,40 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
     n = len(times)
     ball, step = np.zeros(9), np.array([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])  # m/s, rad/s
     ball[:3], ball[3:6] = seen[0], (seen[3] - seen[0]) / (times[3] - times[0])
-    jacobian = np.zeros((3 * n, 9))
+    jacobian, normal = np.zeros((3 * n, 9)), np.zeros((9, 9))
     for k in range(3):
         jacobian[k::3, k] = 1.0  # a place moves with the first place
-    for _ in range(ROUNDS):
+    for i in range(ROUNDS):
         path = places(ball, times, air)
-        for k in range(3, 9):
-            beside = ball.copy()
-            beside[k] += step[k]
-            jacobian[:, k] = ((places(beside, times, air) - path) / step[k]).reshape(3 * n)
-        normal = jacobian.T @ jacobian
+        if i < FRESH:
+            for k in range(3, 9):
+                beside = ball.copy()
+                beside[k] += step[k]
+                jacobian[:, k] = ((places(beside, times, air) - path) / step[k]).reshape(3 * n)
+            normal[:] = jacobian.T @ jacobian
+            for k in range(6, 9):
+                normal[k, k] += (SCATTER / SPIN) ** 2
         right = jacobian.T @ (seen - path).reshape(3 * n)
         for k in range(6, 9):
-            normal[k, k] += (SCATTER / SPIN) ** 2
             right[k] -= (SCATTER / SPIN) ** 2 * ball[k]
         ball += np.linalg.solve(normal, right)
         ball[6:] = np.minimum(np.maximum(ball[6:], -MOST_SPIN), MOST_SPIN)
     return ball
 
 
-def kinks(times: Array, seen: Array) -> list[int]:
-    """Frames next to which the velocity changes by more than KINK, and by far more than it usually seems to, the largest change of each."""
-    velocity = (seen[2:] - seen[:-2]) / (times[2:] - times[:-2])[:, None]  # of frames 1 to n - 2
-    change = np.linalg.norm(velocity[2:] - velocity[:-2], axis=1)  # of frames 2 to n - 3
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(change, FEWEST - 1), 2 * FEWEST - 1).max(axis=1)
-    return [int(i) + 2 for i in np.flatnonzero((change == around) & (change > max(KINK, UNUSUAL * np.median(change))))]
+@njit(cache=True)
+def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
+    """Frames, FEWEST or more of them, next to which the velocity changes by more than KINK, and by far more than it usually seems to: the
+    largest change of each kink."""
+    n = len(times)
+    change, kink = np.zeros(n), np.zeros(n, dtype=np.bool_)
+    for k in range(2, n - 2):
+        before, after = (seen[k] - seen[k - 2]) / (times[k] - times[k - 2]), (seen[k + 2] - seen[k]) / (times[k + 2] - times[k])
+        change[k] = np.sqrt(((after - before) ** 2).sum())
+    least = max(KINK, UNUSUAL * np.median(change[2 : n - 2]))
+    for k in range(2, n - 2):
+        kink[k] = change[k] > least and change[k] == change[max(0, k - FEWEST + 1) : k + FEWEST].max()
+    return np.flatnonzero(kink)
 
 
 def _surface(ball: Array, after: Array) -> str | None:
@@ -97,38 +111,43 @@ def judge(sightings: Sightings, air: Array) -> Outcome:
         return Outcome(BallState(0.0, *np.zeros((3, 3))))
     times, seen = sightings.times, triangulate(believed(), sightings.pixels)
     turns = kinks(times, seen)
-    if not turns:
+    if len(turns) == 0:
         return Outcome(BallState(times[0], seen[0], np.zeros(3), np.zeros(3)))
-    ends = [-1, *turns, len(times)]
+    ends = [-1, *turns.tolist(), len(times)]
 
-    def flight(i: int) -> BallState | None:
-        """Between kinks i - 1 and i, which belong to neither."""
+    def flight(i: int) -> tuple[float, Array] | None:
+        """Between kinks i - 1 and i, which belong to neither: a time (s) and the ball (9,) then; None when it is too short."""
         rows = slice(ends[i] + 1, ends[i + 1])
         if rows.stop - rows.start < FEWEST:
             return None
-        return BallState.from_vector(times[rows.start], fitted(times[rows] - times[rows.start], seen[rows], air))
+        return float(times[rows.start]), fitted(times[rows] - times[rows.start], seen[rows], air)
 
     flights = [flight(i) for i in range(len(turns) + 1)]
-    launched = flights[0] or BallState(times[0], seen[0], np.zeros(3), np.zeros(3))
-    outcome = Outcome(launched)
+    outcome = Outcome(_ball(*(flights[0] or (float(times[0]), np.concatenate([seen[0], np.zeros(6)])))))
     for k, before, after in zip(turns, flights, flights[1:], strict=False):
         if before is None or after is None:
             continue
-        after_start, one, other = _meeting(before.vector, after.vector, after.time - before.time, times[k] - before.time, air)
-        surface, time = _surface(one, other[3:6]), before.time + after_start
+        time, one, other = _meeting(before[1], after[1], after[0] - before[0], times[k] - before[0], air)
+        surface = _surface(one, other[3:6])
         if surface is not None:
-            outcome.contacts.append(Contact(surface, BallState.from_vector(time, one), BallState.from_vector(time, other)))
+            outcome.contacts.append(Contact(surface, _ball(before[0] + time, one), _ball(before[0] + time, other)))
     if flights[-1] is not None and outcome.hit is not None and outcome.landing is None:
-        end = _past_the_table(flights[-1], times[-1], air)
+        end = _past_the_table(*flights[-1], float(times[-1]), air)
         outcome.contacts += [Contact("floor", end, end)] if end is not None else []
     return outcome
 
 
-def _past_the_table(ball: BallState, time: float, air: Array) -> BallState | None:
-    """A ball of a flight last seen at `time` (s) where it comes down to the table's height, when that is not over the table."""
+def _ball(time: float, row: Array) -> BallState:
+    """From what a kernel has just made."""
+    row.flags.writeable = False
+    return BallState.trusted(time, row[:3], row[3:6], row[6:])
+
+
+def _past_the_table(start: float, ball: Array, time: float, air: Array) -> BallState | None:
+    """A ball (9,) of `start` (s), last seen at `time` (s), where it comes down to the table's height, if that is not over the table."""
     while True:
-        row = fly(ball.vector, time - ball.time, air)
+        row = fly(ball, time - start, air)
         if row[2] < BALL_RADIUS and row[5] < 0.0:
             over = 0.0 < row[0] < TABLE_LENGTH and 0.0 < row[1] < TABLE_WIDTH
-            return None if over else BallState.from_vector(time, row)
+            return None if over else _ball(time, row)
         time += 1.0 / WIDE_RATE
