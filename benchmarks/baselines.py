@@ -11,7 +11,7 @@ import numpy as np
 from report import arguments, report
 from rich.console import Console
 from rich.table import Table
-from tt_sim.evaluate import COLUMNS, line, percentiles
+from tt_sim.evaluate import RETURNS, percentiles, returns
 from tt_sim.figures import NUMBERS
 from tt_sim.scenario import load
 from tt_sim.sweep import part
@@ -32,14 +32,14 @@ ROWS = (  # world, robot, what it is
 
 def main() -> None:
     args = arguments("baselines", 1000)
-    table, metrics = Table("robot", *COLUMNS), dict[str, float]()
+    table, metrics = Table("robot", *RETURNS), dict[str, float]()
     chunks = [(first, min(first + CHUNK, args.runs)) for first in range(0, args.runs, CHUNK)]
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         for world, robot, name in ROWS:
             scenario = load("liu", robot=robot, world=world, images=False)
             rows = [row for t in pool.map(functools.partial(part, scenario), *zip(*chunks, strict=True)) for row in t.to_pylist()]
             numbers = {key: np.array([row[key] for row in rows]) for key in NUMBERS}
-            table.add_row(name, *line(numbers, [row["miss"] for row in rows]))
+            table.add_row(name, *returns(numbers, [row["miss"] for row in rows]))
             key = f"{world}_{robot}"
             metrics |= {f"{key}_landed_share": float(numbers["landed"].mean()), f"{key}_hit_share": float(numbers["hit"].mean())}
             metrics[f"{key}_landing_error_median"], metrics[f"{key}_landing_error_p95"] = percentiles(numbers["landing_error"])

@@ -33,8 +33,13 @@ def one(scenario: Scenario, seed: int) -> dict[str, float | str]:
 def rates(rows: list[dict[str, float | str]]) -> dict[str, float]:
     column = {key: np.array([row[key] for row in rows]) for key in rows[0] if not isinstance(rows[0][key], str)}
     metrics = {"hit_share": float(column["hit"].mean()), "landed_share": float(column["landed"].mean())}
-    for name in ("landing_error", "time_error", "return_spin_error", "measured_spin_error_rpm"):
+    judged = [f"judged_{name}" for name in ("landing_error", "time_error", "return_spin_error")]
+    for name in ("landing_error", "time_error", "return_spin_error", "measured_spin_error_rpm", *judged):
         metrics[f"{name}_median"], metrics[f"{name}_p95"] = percentiles(column[name])
+    for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z"):
+        off = column[f"judged_{name}"] - column[name]
+        metrics[f"judge_{name}_mean"], metrics[f"judge_{name}_spread"] = float(np.nanmean(off)), float(np.nanstd(off))
+    metrics["judged_otherwise_share"] = float(np.mean([row["miss"] != row["judged_miss"] for row in rows]))
     return metrics
 
 

@@ -90,6 +90,17 @@ def test_cameras():
     assert d == pytest.approx(distortion, abs=0.0)
 
 
+@given(times, arrays(float, 2, elements=st.floats(0, 2000)))
+def test_pixels(time, pixel):
+    message = convert.pixel_to_message(time, pixel, "wide_left_optical")
+    again, where = convert.pixel_from_message(message)
+    assert again == pytest.approx(time, abs=NANOSECOND) and where == pytest.approx(pixel, abs=0.0)
+    assert message.header.frame_id == "wide_left_optical"
+    message.point.x = float("nan")
+    with pytest.raises(TtError, match="pixel"):
+        convert.pixel_from_message(message)
+
+
 def test_joints_come_in_the_order_that_is_asked_for():
     message = convert.joints_to_message(["a", "b"], 3.0, np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     time, q, qdot = convert.joints_from_message(message, ["b", "a"])

@@ -5,7 +5,7 @@ from tt_core.errors import TtError
 from tt_core.states import ReturnGoal
 from tt_racket.intercept import InterceptParams
 from tt_sim.episode import landing_error, play, spin_error
-from tt_sim.scenario import Robot, Scenario, load
+from tt_sim.scenario import Robot, Scenario
 
 
 @pytest.mark.parametrize(("kind", "scale"), [("top", 4), ("back", 3), ("left", 3)])
@@ -43,12 +43,6 @@ def test_a_failure_has_its_reason(changes, reason):
     episode = play(Scenario("top", 4, **changes), seed=0)
     assert episode.reason.startswith(reason)
     assert episode.outcome.result != "returned"
-
-
-def test_the_rotation_machine_is_measured_and_not_played():
-    episode = play(load("rotation"), seed=0)
-    assert spin_error(episode) < 3.1  # rad/s, 30 rpm; 7 rpm at most in 4 balls on the day
-    assert episode.miss == "out of reach" and episode.outcome.result == "missed"
 
 
 def test_a_scenario_that_cannot_be_is_refused():

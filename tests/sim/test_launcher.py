@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tt_core.constants import RPM
 from tt_core.errors import OutOfRange, TtError
 from tt_core.physics import Physics
 from tt_core.states import BallState
@@ -45,6 +46,15 @@ def test_scales_without_a_row_go_on_as_the_rows_do(kind):
         if path.end.position[0] != pytest.approx(LANDING_X, abs=1e-6):  # then it only just clears the net: 1 mm/s lower it does not
             lower = BallState(0.0, ball.position, ball.velocity - [0, 0, 1e-3], ball.spin)
             assert path.end.position[0] < LANDING_X and rollout(lower, Physics.liu(), StopRule.at_landing()).ended == "net"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_extrapolated_scales_are_balls_that_are_played(kind):
+    rows = np.array([row(kind, scale) for scale in range(1, 11)])
+    speed, spin = np.hypot(rows[:, 0, 0], rows[:, 1, 0]), rows[:, 2, 0]
+    assert np.all(np.diff(speed[1:]) > 0.0) and 4.5 < speed.min() < speed[0] < 6.5 and 13.0 < speed.max() < 14.0  # m/s; scale 1 is a lob
+    assert spin.min() > 180.0 and spin.max() < 9129 * RPM  # rad/s, the most in match play
+    assert np.array_equal(rows[:2, :, 1], rows[[2, 2], :, 1]) and np.array_equal(rows[5:, :, 1], rows[[4] * 5, :, 1])  # scatter
 
 
 def test_mixed_is_all_kinds():

@@ -1,11 +1,16 @@
 """Scenarios are read strictly: what is there can be played, what is wrong is told by its path in the file."""
 
+from dataclasses import fields
+
 import pytest
 import yaml
 from tt_core.physics import Physics
 from tt_sim.faults import CameraFaults
 from tt_sim.launcher import KINDS
-from tt_sim.scenario import BadScenario, Scenario, load, names
+from tt_sim.plant import PlantParams
+from tt_sim.scenario import HOME, BadScenario, Scenario, load, names
+from tt_sim.vary import Variation
+from tt_sim.wide import WideFaults
 
 PROFILES = {"ideal", "liu", "real", "harsh"}
 
@@ -17,6 +22,17 @@ def test_every_scenario_world_and_robot_here_can_be_read():
         assert isinstance(scenario, Scenario)
     for world in names("worlds"):
         load("liu", world=world)
+
+
+def test_every_profile_names_every_fault():
+    """Zero where it has none, so that a reader sees what there is; `real` and `harsh` have them all."""
+    kinds = {"vary": Variation, "cameras": CameraFaults, "wide": WideFaults, "plant": PlantParams}
+    for name in PROFILES:
+        content = yaml.safe_load((HOME / "worlds" / f"{name}.yaml").read_text())
+        for part, kind in kinds.items():
+            assert set(content[part]) == {field.name for field in fields(kind)}, (name, part)
+            if name in ("real", "harsh"):
+                assert all(value > 0.0 for value in content[part].values()), (name, part)
 
 
 def test_profiles_hold_what_they_say():
@@ -44,6 +60,14 @@ def test_profiles_hold_what_they_say():
         ({"scale": [3, 11]}, "mine.yaml: scale: 11 is outside [1, 10]"),
         ({"kind": "lob"}, "mine.yaml: kind 'lob' is none of top, back"),
         ({"shots": "given"}, "mine.yaml: ball is missing"),
+        (
+            {"shots": "given", "images": False, "ball": {"position": [2.6, 0.7, 0.3], "velocity": [-17, 0, 0], "spin": [0, 0, 0]}},
+            "mine.yaml: speed of the ball without images: 17 is outside [0, 16]",
+        ),
+        ({"session": 20}, "mine.yaml: session = 20 goes with a launcher.rate"),
+        ({"session": 1, "launcher": {"rate": 60}}, "mine.yaml: session: 1 is outside [2, 1000]"),
+        ({"shots": "rotation", "launcher": {"rate": 60}}, "mine.yaml: launcher.rate = 60 goes with balls that fly"),
+        ({"world": {"wide": {"noise": -0.1}}}, "mine.yaml: world.wide.noise: -0.1 is outside [0, 10]"),
         ({"goal": {"landing": [2.0], "flight_time": 0.5, "spin_y": 0, "spin_z": 0}}, "mine.yaml: goal: landing has shape"),
         ({"goal": {"landing": [2.0, 0.7]}}, "mine.yaml: goal: "),
         ({"world": "mars"}, "mars: no such file, and none of the worlds here, harsh, ideal, liu, real"),
@@ -60,6 +84,9 @@ def test_what_is_wrong_is_told_by_its_path(content, told, tmp_path):
 
 def test_a_file_that_is_no_yaml_is_refused(tmp_path):
     file = tmp_path / "mine.yaml"
+    file.write_text("launcher:\n  rate: 30\n  rate: 60\n")
+    with pytest.raises(BadScenario, match=r"^mine\.yaml: rate is given twice"):
+        load(str(file))
     file.write_text("a: [1, 2")
     with pytest.raises(BadScenario, match=r"^mine\.yaml: "):
         load(str(file))

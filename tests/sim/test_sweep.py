@@ -7,9 +7,12 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from tt_core.errors import TtError
+from tt_sim import rallies
+from tt_sim.evaluate import JUDGE, Sweep, judge_errors, returns
 from tt_sim.evaluate import main as evaluate
 from tt_sim.scenario import load
 from tt_sim.sweep import part, sweep
@@ -113,6 +116,57 @@ def test_an_evaluation_is_a_table_and_a_page(whole, tmp_path, monkeypatch, capsy
     evaluate()
     assert str(BALLS) in capsys.readouterr().out
     text = page.read_text()
-    assert all(
-        title in text for title in ("Landing places", "Error against spin and speed", "Why balls were missed", "Figures 4.7 to 4.10")
-    )
+    titles = ("Landing places", "Error against spin and speed", "Why balls were missed", "Figures 4.7 to 4.10", "The judge")
+    assert all(title in text for title in titles)
+
+
+def test_what_the_judge_gets_wrong_is_told(whole, tmp_path):
+    run = tmp_path / "liu.parquet"
+    pq.write_table(whole, run)
+    sweep = Sweep.read(run)
+    off = sweep.numbers["judged_landing_x"] - sweep.numbers["landing_x"]
+    told = dict(zip(JUDGE, judge_errors(sweep), strict=True))
+    assert told["landing x, mm"] == f"{1e3 * off.mean():+.2f} ± {1e3 * off.std():.2f}"
+    assert np.abs(off).max() < 2e-3  # m; 1 mm at most in 200 balls on the day
+    assert told["miss told otherwise, balls"] == "0"
+    true, judged = returns(sweep.numbers, sweep.misses), returns(sweep.numbers, sweep.judged, "judged_")
+    assert true[:3] == judged[:3] == [str(BALLS), "100.0", "100.0"]
+
+
+def test_a_file_that_is_no_sweep_is_refused(tmp_path, whole, monkeypatch, capsys):
+    bad, old, missing = tmp_path / "bad.parquet", tmp_path / "old.parquet", tmp_path / "none.parquet"
+    bad.write_text("no parquet")
+    pq.write_table(whole.drop_columns(["judged_landed"]), old)
+    for file, told in ((bad, "is no Parquet file"), (old, "has no column judged_landed"), (missing, "is no Parquet file")):
+        monkeypatch.setattr(sys, "argv", ["evaluate", str(file)])
+        with pytest.raises(SystemExit) as ended:
+            evaluate()
+        assert ended.value.code == 2 and told in capsys.readouterr().err
+
+
+def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, monkeypatch):
+    monkeypatch.delenv("TT_DATA_DIR", raising=False)
+    rallies.shots.cache_clear()
+    with pytest.raises(TtError, match="TT_DATA_DIR names no folder"):
+        sweep(load("rallies", images=False), 10, tmp_path / "run.parquet")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("speed: 3", "mine.yaml: speed: unknown, known are kind"),
+        ("world: {cameras: {dropped: 2.0}}", "mine.yaml: world.cameras.dropped: 2 is outside [0, 1]"),
+        ("launcher: {rate: -3}", "mine.yaml: launcher.rate: -3 is outside [26, 94]"),
+        ("a: [1", "mine.yaml: "),
+    ],
+)
+def test_a_wrong_scenario_is_refused_on_the_command_line(content, told, tmp_path):
+    """By a process of its own, as its user sees it: exit code 2, the path in the file, no traceback, and nothing was begun."""
+    (tmp_path / "mine.yaml").write_text(content)
+    out = tmp_path / "run.parquet"
+    command = [sys.executable, "-m", "tt_sim.sweep", str(tmp_path / "mine.yaml"), "--balls", "10", "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith(f"sweep: {told}") and "Traceback" not in done.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.yaml"]

@@ -14,6 +14,7 @@ from tt_predict.spread import spread
 from tt_racket.goal import GoalParams, answer
 from tt_racket.intercept import InterceptParams, intercept
 from tt_sim.episode import play
+from tt_sim.figures import figures
 from tt_sim.footage import footage
 from tt_sim.launcher import LauncherParams, launch
 from tt_sim.plant import Plant
@@ -34,7 +35,7 @@ def main() -> None:
     Predictor(physics).positions(ball.vector, path.times)
     intercept(path, answer(ball.spin, GoalParams()), physics, InterceptParams())
     for scenario in ("liu", "real"):
-        play(load(scenario, images=False), 0)
+        figures(play(load(scenario, images=False), 0))
     for rebound in (physics.table, Physics.measured().table):
         rebound.after(np.array([-5.0, 0.0, -2.0]), ball.spin)
     arm = ArmModel.pa10()

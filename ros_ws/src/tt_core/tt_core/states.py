@@ -122,16 +122,16 @@ class BallPath:
     def at(self, time: float) -> BallState:
         """The ball at `time`, after the bounce when a bounce is at `time`; raises OutOfRange outside the path."""
         time = check_range("time", time, self.times[0], self.times[-1])
-        i = min(int(np.searchsorted(self.times, time, side="right")), len(self.times) - 1)
-        h = self.times[i] - self.times[i - 1] if i else 0.0
+        i = min(int(self.times.searchsorted(time, side="right")), len(self.times) - 1)
+        h = float(self.times[i] - self.times[i - 1]) if i else 0.0
         if h == 0.0:
             return BallState.trusted(time, self.positions[i], self.velocities[i], self.spins[i])
-        s = (time - self.times[i - 1]) / h
-        p0, p1, m0, m1 = self.positions[i - 1], self.positions[i], h * self.velocities[i - 1], h * self.velocities[i]
-        a, b = 2.0 * (p0 - p1) + m0 + m1, 3.0 * (p1 - p0) - 2.0 * m0 - m1
-        position = ((a * s + b) * s + m0) * s + p0
-        velocity = ((3.0 * a * s + 2.0 * b) * s + m0) / h
-        spin = (1.0 - s) * self.spins[i - 1] + s * self.spins[i]
+        s = float(time - self.times[i - 1]) / h
+        rise, u = s * s * (3.0 - 2.0 * s), 1.0 - s  # cubic Hermite, and its derivative
+        slope = 6.0 * s * u / h
+        weights = [[1.0 - rise, rise, h * s * u * u, -h * s * s * u], [-slope, slope, u * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)]]
+        position, velocity = np.array(weights) @ np.concatenate([self.positions[i - 1 : i + 1], self.velocities[i - 1 : i + 1]])
+        spin = np.array([u, s]) @ self.spins[i - 1 : i + 1]
         for array in (position, velocity, spin):
             array.flags.writeable = False
         return BallState.trusted(time, position, velocity, spin)

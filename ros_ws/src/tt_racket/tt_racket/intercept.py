@@ -65,7 +65,8 @@ def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
     if len(path.bounces) != 1:
         return []
     times = np.arange(path.bounces[0].time + params.spacing, path.times[-1], params.spacing)
-    balls = (path.at(t) for t in times)
+    x = np.interp(times, path.times, path.positions[:, 0])  # by chords, within a millimetre
+    balls = (path.at(t) for t in times[(x >= params.x_low - 0.01) & (x <= params.x_high + 0.01)])
     return [
         ball
         for ball in balls

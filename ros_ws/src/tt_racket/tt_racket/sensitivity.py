@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -31,7 +32,7 @@ class ErrorParams:
         check_range("ball_velocity", self.ball_velocity, 0.0, 2.0)
         check_range("ball_spin", self.ball_spin, 0.0, 500.0)
 
-    @property
+    @cached_property
     def sigmas(self) -> Array:
         """(11,) of racket velocity, two angles, ball velocity, ball spin."""
         return np.repeat([self.racket_velocity, self.racket_angle, self.ball_velocity, self.ball_spin], [3, 2, 3, 3])

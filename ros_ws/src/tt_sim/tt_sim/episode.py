@@ -1,6 +1,7 @@
-"""One ball from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
+"""Balls from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
 
-With images the arm is played tick by tick under its guard. Without, `sight` says what is measured and `swift` plays the swing.
+With images the arm is played tick by tick under its guard. Without, `sight` says what is measured and `swift` plays the swing. At a rate
+one arm plays a session of balls, tick by tick, and meets each from where the ones before have left it.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from tt_arm.choice import Choice, ChoiceParams
 from tt_arm.control import ArmControl
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints, Swing, plan
+from tt_arm.swing import Joints, Swing
+from tt_arm.swing import plan as plan_swing
 from tt_core.constants import TABLE_WIDTH
 from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.states import Array, BallPath, BallState, ReturnGoal
+from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
 from tt_racket.goal import answer
@@ -29,10 +31,11 @@ from tt_vision.camera import Camera
 from tt_vision.measure import Measurement, measure
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
-from . import rallies
+from . import rallies, rotation
 from .faults import arrivals
 from .footage import footage
 from .hardware import Hardware
+from .judge import judge
 from .launcher import launch
 from .outcome import Outcome
 from .plant import Plant
@@ -40,6 +43,7 @@ from .render import Scene, Texture
 from .scenario import Robot, Scenario
 from .sight import Sight, last_frame
 from .swift import rally
+from .wide import Sightings
 
 UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, simulated, after which a ball is given up
@@ -61,18 +65,25 @@ class Trial:
     rng: np.random.Generator
 
     @classmethod
-    def drawn(cls, scenario: Scenario, seed: int) -> Trial:
-        """Raises TtError for shots that are not there."""
+    def drawn(cls, scenario: Scenario, seed: int, time: float = 0.0) -> Trial:
+        """Launched at `time` (s). Raises TtError for shots that are not there."""
         rng, cameras = np.random.default_rng(seed), _cameras()
         kind, scale = scenario.shot(seed)
         if scenario.shots == "catapult":
             ball, orientation = launch(kind, scale, scenario.launcher, rng)
         else:
-            known = rallies.shots() if scenario.shots == "rallies" else (scenario.ball,)
-            ball, kind, scale = known[rng.integers(len(known))] or BallState(0.0, *np.zeros((3, 3))), scenario.shots, 0
-            orientation = Rotation.random(rng=rng).as_matrix()
+            if scenario.shots == "rotation":
+                ball = rotation.ball(seed)
+            else:
+                known = rallies.shots() if scenario.ball is None else (scenario.ball,)
+                ball = known[rng.integers(len(known))]
+            kind, scale, orientation = scenario.shots, 0, Rotation.random(rng=rng).as_matrix()
             cameras = tuple(_aimed(camera, ball) for camera in cameras)  # type: ignore[assignment]
-        return cls(scenario, seed, kind, scale, ball, orientation, scenario.world.vary.draw(scenario.world.physics, rng), cameras, rng)
+        physics = scenario.world.vary.draw(scenario.world.physics, rng)
+        if scenario.shots == "rotation":
+            physics = replace(physics, air=rotation.HELD)
+        ball = BallState.from_vector(ball.time + time, ball.vector)
+        return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, rng)
 
     def seen(self) -> tuple[Measurement | None, BallState | None]:
         """What the cameras make of the rendered ball, and the ball measured. None when it does not make a burst, or is refused."""
@@ -99,7 +110,7 @@ class Trial:
 @dataclass(frozen=True, eq=False)
 class Episode:
     """Everything that happened, as far as it came. measured: the ball as the robot has it, None when it has none. measurement: of images.
-    joints: (n, 15) time s, q rad, qdot rad/s of every tick."""
+    joints: (n, 15) time s, q rad, qdot rad/s of every tick, at a rate from its launch on."""
 
     trial: Trial
     outcome: Outcome
@@ -111,10 +122,34 @@ class Episode:
     choice: Choice | None
     joints: Array
 
+    @functools.cached_property
+    def sightings(self) -> Sightings:
+        """What two wide cameras saw of it."""
+        trial = self.trial
+        return Sightings.of(self.outcome, trial.physics.air.coefficients, trial.scenario.world.wide, np.random.default_rng([trial.seed, 1]))
+
+    @functools.cached_property
+    def judged(self) -> Outcome:
+        """What became of the ball by those cameras alone, their evaluator knowing the air of this world, but not that of this ball."""
+        return judge(self.sightings, self.trial.scenario.world.physics.air.coefficients)
+
     @property
     def reason(self) -> str | None:
         """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
-        if self.outcome.result == "returned":
+        return self._reason(self.outcome)
+
+    @property
+    def miss(self) -> str | None:
+        """The kind of failure, one of MISSES; None when the ball came back."""
+        return self._miss(self.outcome)
+
+    @property
+    def judged_miss(self) -> str | None:
+        """The same by the wide cameras, and by what the robot tells of itself."""
+        return self._miss(self.judged)
+
+    def _reason(self, outcome: Outcome) -> str | None:
+        if outcome.result == "returned":
             return None
         if self.measured is None:
             return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
@@ -123,12 +158,10 @@ class Episode:
             return f"no stroke: {'; '.join(sorted(refused)) or 'the ball does not come within reach'}"
         if self.choice is None or self.choice.index is None:
             return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
-        return self.outcome.result
+        return outcome.result
 
-    @property
-    def miss(self) -> str | None:
-        """The kind of failure, one of MISSES; None when the ball came back."""
-        reason = self.reason
+    def _miss(self, outcome: Outcome) -> str | None:
+        reason = self._reason(outcome)
         if reason is None:
             return None
         if self.measured is None:
@@ -141,11 +174,11 @@ class Episode:
             if not reasons or any("too soon" in why or "only" in why for why in reasons):
                 return "too late"
             return "racket too slow" if any("speed limits" in why or "torque" in why for why in reasons) else "out of reach"
-        return {"own half": "short", "off the table": self._beyond()}.get(reason, reason)
+        return {"own half": "short", "off the table": self._beyond(outcome)}.get(reason, reason)
 
-    def _beyond(self) -> str:
+    def _beyond(self, outcome: Outcome) -> str:
         """Long or wide: where a ball that went past the table came down to its height."""
-        landing = self.outcome.landing
+        landing = outcome.landing
         if landing is None:
             return "long"
         row, air = landing.before.vector, self.trial.physics.air.coefficients
@@ -178,7 +211,7 @@ def _arm() -> ArmModel:
 @functools.cache
 def _rest() -> Swing:
     """What the arm follows while it waits, from 0 s on."""
-    return plan(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
+    return plan_swing(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
 
 
 def _aimed(camera: Camera, ball: BallState) -> Camera:
@@ -207,37 +240,75 @@ def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
     return Candidates(tuple(found), tuple(refused))
 
 
-def play(scenario: Scenario, seed: int) -> Episode:
-    """The whole rally of one ball. Raises TtError for a scenario that cannot be played."""
-    trial = Trial.drawn(scenario, seed)
-    robot, world = scenario.robot, scenario.world
-    goal, path, candidates, due = None, None, None, np.inf
-    measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
-    if measured is not None:
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What the robot makes of a ball before its arm comes in. due: s, when the strokes are at the arm, inf for none."""
+
+    measurement: Measurement | None = None
+    measured: BallState | None = None
+    goal: ReturnGoal | None = None
+    path: BallPath | None = None
+    candidates: Candidates | None = None
+    due: float = np.inf
+
+    @classmethod
+    def of(cls, trial: Trial) -> Plan:
+        scenario, robot, cameras = trial.scenario, trial.scenario.robot, trial.scenario.world.cameras
+        measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
+        if measured is None:
+            return cls(measurement)
         believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
         path = rollout(believed, robot.physics, StopRule.at_x(UNTIL_X))
         goal = scenario.goal or answer(measured.spin, robot.answer)
-        candidates = answered(path, goal, robot)
-        due = measured.time - world.cameras.clock_offset + world.cameras.latency + robot.latency
+        due = measured.time - cameras.clock_offset + cameras.latency + robot.latency
+        return cls(measurement, measured, goal, path, answered(path, goal, robot), due)
+
+    @property
+    def rackets(self) -> list[RacketState]:
+        """The strokes, best first."""
+        return [stroke.racket for stroke in self.candidates.strokes if stroke.racket] if self.candidates else []
+
+
+def play(scenario: Scenario, seed: int) -> Episode:
+    """The whole rally of one ball, at a rate with the session that it is of. Raises TtError for a scenario that cannot be played."""
+    if scenario.balls > 1:
+        return session(scenario, seed // scenario.balls)[seed % scenario.balls]
+    trial = Trial.drawn(scenario, seed)
+    plan, control, plant = Plan.of(trial), _control(scenario.robot), Plant(_arm(), scenario.world.plant)
+    done = None if scenario.images else _swiftly(trial, control, plant, plan)
+    return _episode(trial, plan, *done) if done else _tick_by_tick([trial], [plan], control, plant, trial.rng)[0]
+
+
+def session(scenario: Scenario, number: int) -> list[Episode]:
+    """The balls of one session, launched at the scenario's rate, met by one arm; number: counts sessions from 0."""
+    first, period = number * scenario.balls, 60.0 / scenario.launcher.rate if scenario.launcher.rate else 0.0
+    trials = [Trial.drawn(scenario, first + i, i * period) for i in range(scenario.balls)]
+    plans = [Plan.of(trial) for trial in trials]
+    plant = Plant(_arm(), scenario.world.plant)
+    return _tick_by_tick(trials, plans, _control(scenario.robot), plant, np.random.default_rng([first, 2]))
+
+
+def _control(robot: Robot) -> ArmControl:
     control = ArmControl(_arm(), choosing=ChoiceParams(method=robot.reach))
     control.enable(True)
-    plant = Plant(_arm(), world.plant)
-    done = None if scenario.images else _swiftly(trial, control, plant, candidates, due)
-    outcome, choice, joints = done or _tick_by_tick(trial, control, plant, candidates, due)
-    return Episode(trial, outcome, goal, measurement, measured, path, candidates, choice, joints)
+    return control
+
+
+def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: Choice | None, joints: Array) -> Episode:
+    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, choice, joints)
 
 
 Played = tuple[Outcome, "Choice | None", Array]
 
 
-def _swiftly(trial: Trial, control: ArmControl, plant: Plant, candidates: Candidates | None, due: float) -> Played | None:
+def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
     """None when the ticks must be played."""
     tick, choice, time = trial.scenario.tick, None, 0.0
-    if candidates is not None and due < LONGEST:
-        time = tick * np.ceil(due / tick)
+    if plan.candidates is not None and plan.due < LONGEST:
+        time = tick * np.ceil(plan.due / tick)
         control.joints = Joints(time, control.model.waiting, np.zeros(7))
         control.swing = replace(_rest(), start=control.joints, end_time=time)
-        choice = control.take([s.racket for s in candidates.strokes if s.racket])
+        choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
     done = rally(trial.ball, swing, time, trial.physics, plant, tick, LONGEST, trial.rng)
     if done is None:
@@ -246,21 +317,30 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, candidates: Candid
     return Outcome(trial.ball, done[0]), choice, done[1]
 
 
-def _tick_by_tick(trial: Trial, control: ArmControl, plant: Plant, candidates: Candidates | None, due: float) -> Played:
-    tick_time, model, choice = trial.scenario.tick, control.model, None
-    hardware = Hardware(trial.physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
-    hardware.launch(trial.ball)
-    command, record = np.zeros(7), []
-    while hardware.joints.time < LONGEST:
+def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
+    """The balls in the order of their launches, until nothing more happens to any. rng: of the encoders."""
+    tick_time, model = trials[0].scenario.tick, control.model
+    hardware = Hardware(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
+    outcomes, choices, ends = list[Outcome](), dict[int, Choice](), dict[int, int]()
+    command, record, open_plans = np.zeros(7), list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
+    while len(ends) < len(trials) and hardware.joints.time < trials[-1].ball.time + LONGEST:
+        if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= hardware.joints.time + tick_time:
+            outcomes.append(hardware.launch(trials[len(outcomes)].ball, trials[len(outcomes)].physics))
         tick = hardware.advance(command)
-        now = tick.joints.time
-        record.append([now, *tick.joints.q, *tick.joints.qdot])
-        if tick.ended:
+        record.append([tick.joints.time, *tick.joints.q, *tick.joints.qdot])
+        ends |= {outcomes.index(outcome): len(record) for outcome in tick.ended}
+        if len(ends) == len(trials):
             break
-        command = control.step(plant.measured(tick.joints, trial.rng)).command
-        if candidates is not None and now >= due:
-            choice, due = control.take([s.racket for s in candidates.strokes if s.racket]), np.inf
-    return hardware.outcome or Outcome(trial.ball), choice, np.array(record)
+        command = control.step(plant.measured(tick.joints, rng)).command
+        while open_plans and plans[open_plans[0]].due <= tick.joints.time:
+            i = open_plans.pop(0)
+            choices[i] = control.take(plans[i].rackets)
+    joints = np.array(record)
+    starts = np.searchsorted(joints[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
+    return [
+        _episode(trial, plan, outcome, choices.get(i), joints[starts[i] : ends.get(i)])
+        for i, (trial, plan, outcome) in enumerate(zip(trials, plans, outcomes, strict=True))
+    ]
 
 
 def landing_error(episode: Episode) -> float | None:
@@ -271,9 +351,14 @@ def landing_error(episode: Episode) -> float | None:
     return float(np.hypot(*(landing.before.position[:2] - goal.landing)))
 
 
+def truth(episode: Episode, stamp: float) -> Array:
+    """(9,) the launched ball at a stamp (s) of its cameras, while it is in their view."""
+    trial, time = episode.trial, stamp - episode.trial.scenario.world.cameras.clock_offset
+    return np.asarray(fly(trial.ball.vector, time - trial.ball.time, trial.physics.air.coefficients))
+
+
 def spin_error(episode: Episode) -> float | None:
     """rad/s, of the measured spin vector against the true one at the same instant; None without a measurement."""
     if episode.measured is None:
         return None
-    trial, time = episode.trial, episode.measured.time - episode.trial.scenario.world.cameras.clock_offset
-    return float(np.linalg.norm(fly(trial.ball.vector, time - trial.ball.time, trial.physics.air.coefficients)[6:] - episode.measured.spin))
+    return float(np.linalg.norm(truth(episode, episode.measured.time)[6:] - episode.measured.spin))

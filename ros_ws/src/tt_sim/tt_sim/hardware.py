@@ -36,12 +36,13 @@ class Hardware:
         self._racket = plant.racket(joints)
         self._flights: list[tuple[World, Outcome]] = []
 
-    def launch(self, ball: BallState, physics: Physics | None = None) -> None:
-        """The ball flies from its own time on. physics: for it alone, if not that of all."""
+    def launch(self, ball: BallState, physics: Physics | None = None) -> Outcome:
+        """The ball flies from its own time on; what becomes of it is filled in tick by tick. physics: for it alone, if not that of all."""
         self.outcome = Outcome(ball)
         world = World(physics or self._physics)
         world.ball = ball
         self._flights.append((world, self.outcome))
+        return self.outcome
 
     def advance(self, command: Array) -> Tick:
         """One tick under the command (7,) rad/s."""

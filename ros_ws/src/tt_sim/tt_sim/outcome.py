@@ -6,13 +6,34 @@ import json
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numba import njit
 from tt_core.constants import NET_X
-from tt_core.states import BallState
+from tt_core.flight import fly_into
+from tt_core.states import Array, BallState
 
 from .world import Contact
 
 BEHIND = -1.5  # m in x: past the arm
 AFTER_LANDING = 0.1  # s that a returned ball is followed on
+NODE = 0.04  # s
+
+
+@njit(cache=True)
+def places(ball: Array, times: Array, air: Array) -> Array:
+    """(n, 3) m, of the ball (9,) in free flight at times (n,) s after it, rising: cubic between states NODE s apart, to 1e-5 m."""
+    out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
+    for i in range(len(times)):
+        while times[i] > last:
+            start[:] = end
+            fly_into(start, NODE, air, NODE, end, work)
+            last += NODE
+        u = 1.0 - (last - times[i]) / NODE
+        for k in range(3):
+            m0, m1 = NODE * start[3 + k], NODE * end[3 + k]
+            a, b = 2.0 * (start[k] - end[k]) + m0 + m1, 3.0 * (end[k] - start[k]) - 2.0 * m0 - m1
+            out[i, k] = ((a * u + b) * u + m0) * u + start[k]
+    return out
 
 
 @dataclass
@@ -51,6 +72,20 @@ class Outcome:
         if landing is None or net:
             return "net" if net else "flying"
         return {"table": "own half", "racket": "second hit"}.get(landing.surface, "off the table")
+
+    def followed_until(self, longest: float) -> float:
+        """s, when nothing more of interest happens, as far as contacts tell; `longest` at most."""
+        if self.landing is not None:
+            longest = min(longest, self.landing.before.time + AFTER_LANDING)
+        floor = next((c.before.time for c in self.contacts if c.surface == "floor"), longest)
+        return min(longest, floor)
+
+    def places(self, times: Array, air: Array) -> Array:
+        """(n, 3) m, of the ball at times (n,) s, rising, not before the launch. air: coefficients."""
+        balls = [self.launched, *(contact.after for contact in self.contacts)]
+        cuts = np.searchsorted(times, [*(ball.time for ball in balls), np.inf])
+        parts = [places(ball.vector, times[a:b] - ball.time, air) for ball, a, b in zip(balls, cuts, cuts[1:], strict=False)]
+        return np.concatenate(parts)
 
     def told(self) -> dict[str, Any]:
         """All of it as text, balls as JSON lists [time, position, velocity, spin], null for what did not happen."""

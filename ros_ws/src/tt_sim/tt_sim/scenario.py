@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from tt_core.bounce import RacketRebound, TableRebound
 from tt_core.constants import BALL_RADIUS
@@ -27,9 +28,12 @@ from tt_racket.intercept import InterceptParams
 from .faults import CameraFaults
 from .launcher import KINDS, MIXED, LauncherParams, row
 from .plant import PlantParams
+from .sight import FASTEST
 from .vary import Variation
+from .wide import WideFaults
 from .world import LEAST_CONTACT
 
+SESSION = 25  # balls, 16 s at the highest rate
 HOME = Path(__file__).parent
 MODELS = {
     "liu": Physics.liu(),
@@ -44,12 +48,13 @@ class BadScenario(TtError):
 
 @dataclass(frozen=True)
 class Truth:
-    """The world. vary: by how much its coefficients differ from trial to trial. sight: the error model of its cameras, a file of
-    `sights/`, for scenarios without images."""
+    """The world. vary: by how much its coefficients differ from trial to trial. wide: of the cameras that judge returns. sight: the error
+    model of the fast cameras, a file of `sights/`, for scenarios without images."""
 
     physics: Physics = field(default_factory=Physics.liu)
     vary: Variation = field(default_factory=Variation)
     cameras: CameraFaults = field(default_factory=CameraFaults)
+    wide: WideFaults = field(default_factory=WideFaults)
     plant: PlantParams = field(default_factory=PlantParams)
     sight: str = "clear"
 
@@ -83,8 +88,9 @@ class Robot:
 @dataclass(frozen=True)
 class Scenario:
     """kind: one of KINDS, or "mixed", all in turn. scale: of the catapult, one or several in turn. shots: "catapult", "rallies", drawn from
-    real play, or "given", the `ball` itself. goal: None answers the measured spin (`tt_racket.goal`). images: rendered and measured, or
-    the measurement's error model instead. tick: s between two joint states.
+    real play, "given", the `ball` itself, or "rotation", held by the rotation machine. goal: None answers the measured spin
+    (`tt_racket.goal`). session: balls that one arm meets at the launcher's rate, without a rate each ball has an arm that waits for it.
+    images: rendered and measured, or the measurement's error model instead. tick: s between two joint states.
     """
 
     kind: str = MIXED
@@ -95,6 +101,7 @@ class Scenario:
     world: Truth = field(default_factory=Truth)
     robot: Robot = field(default_factory=Robot)
     launcher: LauncherParams = field(default_factory=LauncherParams)
+    session: int | None = None
     images: bool = True
     tick: float = 0.002
     name: str = ""
@@ -102,17 +109,30 @@ class Scenario:
     def __post_init__(self) -> None:
         check_range("tick", self.tick, 5e-4, 0.02)
         _one_of("kind", self.kind, (*KINDS, MIXED))
-        _one_of("shots", self.shots, ("catapult", "rallies", "given"))
+        _one_of("shots", self.shots, ("catapult", "rallies", "given", "rotation"))
         if not self.scales:
             raise TtError("scale = () is empty")
         for scale in self.scales:
             row("top", scale, self.launcher.z)
         if (self.shots == "given") != (self.ball is not None):
             raise TtError(f"ball goes with shots 'given', not with {self.shots!r}" if self.ball else "ball is missing")
+        if self.ball is not None and not self.images:
+            check_range("speed of the ball without images", float(np.linalg.norm(self.ball.velocity)), 0.0, FASTEST)
+        if self.launcher.rate and self.shots == "rotation":
+            raise TtError(f"launcher.rate = {self.launcher.rate:g} goes with balls that fly, not with shots 'rotation'")
+        if self.session is not None:
+            check_range("session", self.session, 2, 1000)
+            if not self.launcher.rate:
+                raise TtError(f"session = {self.session} goes with a launcher.rate")
 
     @property
     def scales(self) -> tuple[int, ...]:
         return self.scale if isinstance(self.scale, tuple) else (self.scale,)
+
+    @property
+    def balls(self) -> int:
+        """Of a session; 1 without a rate."""
+        return (self.session or SESSION) if self.launcher.rate else 1
 
     def shot(self, seed: int) -> tuple[str, int]:
         """Kind and scale of a trial: by turns, so that all are played equally often."""
@@ -160,9 +180,20 @@ def _find(name: str, folder: str, beside: Path) -> Path:
     raise BadScenario(f"{name}: no such file, and none of the {folder} here, {', '.join(names(folder))}")
 
 
+class _Strict(yaml.SafeLoader):
+    """Refuses a key that is given twice, of which YAML's readers take the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise yaml.constructor.ConstructorError(None, None, f"{twice} is given twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
 def _read(file: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(file.read_text())
+        content = yaml.load(file.read_text(), _Strict)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise BadScenario(f"{file.name}: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):

@@ -2,7 +2,8 @@
 
 Each of the nine errors is normal, with a variance that is the sum of four causes: none, spin (|w| / 300 rad/s)^2, speed s^2 and blur s^4
 with s = |v| / 5 m/s; they are correlated as fitted. The time of the measurement needs no fit: it is that of the last frame of the burst,
-which the geometry tells. Fitted to the catapult's balls of all scales, 2.5 to 14 m/s; for slower ones it promises too much.
+which the geometry tells. Fitted to the catapult's balls of all scales, up to 14 m/s, and to as many slower than 3 m/s, down to rest: all
+that scenarios play. A ball faster than FASTEST is refused, the fit says nothing about it.
 """
 
 from __future__ import annotations
@@ -13,16 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numba import njit
 from scipy.optimize import nnls
 from tt_core.constants import BALL_RADIUS
-from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_vision.burst import BurstParams
 from tt_vision.camera import Camera
 from tt_vision.rig import FRAME_RATE
 
+from .outcome import places
+
+FASTEST = 16.0  # m/s, the catapult's fastest with its scatter
 SPIN, SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
 MARGIN = 2.0  # pixels that an image shows around a whole ball
 FRAMES = 60  # after the launch, looked through for the burst
@@ -90,26 +92,15 @@ def _load(name: str) -> Sight:
     return Sight(content["refused"], parts, np.array(content["correlation"]))
 
 
-@njit(cache=True)
-def _places(ball: Array, times: Array, air: Array) -> Array:
-    """(n, 3) m, of the ball (9,) in free flight at times (n,) s, rising."""
-    out, now, last = np.empty((len(times), 3)), ball, 0.0
-    for i in range(len(times)):
-        now = fly(now, times[i] - last, air)
-        last = times[i]
-        out[i] = now[:3]
-    return out
-
-
 def last_frame(ball: BallState, cameras: tuple[Camera, ...], physics: Physics, frames: int = BurstParams.frames) -> float | None:
     """s, of the last frame of the burst: the first `frames` that show the whole ball in all images; None when there are not enough."""
     times = np.arange(1, FRAMES) / FRAME_RATE
-    places = _places(ball.vector, times, physics.air.coefficients)
+    at = places(ball.vector, times, physics.air.coefficients)
     whole = np.ones(len(times), dtype=bool)
     for camera in cameras:
-        depth = places @ camera.rotation[2] + camera.translation[2]
+        depth = at @ camera.rotation[2] + camera.translation[2]
         radius = camera.focal_length / camera.pixel_size * BALL_RADIUS / depth + MARGIN
-        u, v = camera.project(places).T
+        u, v = camera.project(at).T
         whole &= (u > radius) & (v > radius) & (u < camera.width - 1 - radius) & (v < camera.height - 1 - radius)
     seen = np.flatnonzero(whole)
     return None if len(seen) < frames else ball.time + float(times[seen[frames - 1]])

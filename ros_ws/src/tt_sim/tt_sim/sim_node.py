@@ -12,6 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -22,7 +23,15 @@ from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
 from tt_core.errors import check_range
 from tt_core.physics import Physics
-from tt_core.ros.convert import ball_to_message, camera_to_message, image_to_message, joints_to_message, racket_to_message, stamp
+from tt_core.ros.convert import (
+    ball_to_message,
+    camera_to_message,
+    image_to_message,
+    joints_to_message,
+    pixel_to_message,
+    racket_to_message,
+    stamp,
+)
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
 from tt_core.ros.run import run
@@ -37,8 +46,9 @@ from .launcher import LauncherParams, launch, shot
 from .plant import Plant, PlantParams
 from .render import Scene, Texture
 from .scenario import Truth, load_world
+from .wide import WideWatch
 
-CAMERAS = ("left", "right")
+CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
 STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
 
@@ -83,7 +93,8 @@ class Flight:
 
 
 class SimNode(Node):
-    """/arm_velocity_controller/commands and /launcher/launch -> images, /joint_states, /clock, and the truth on /sim/*."""
+    """/arm_velocity_controller/commands and /launcher/launch -> images, the wide cameras' pixels of the ball, /joint_states, /clock, and
+    the truth on /sim/*."""
 
     def __init__(self) -> None:
         super().__init__("sim")
@@ -106,6 +117,7 @@ class SimNode(Node):
         for publisher, camera, name in zip(self.infos, self.cameras, CAMERAS, strict=True):
             size = camera.width, camera.height
             publisher.publish(camera_to_message(*size, camera.matrix, camera.distortion, f"{name}_optical"))
+        self.pixels = [self.create_publisher(PointStamped, f"/camera/{name}/ball", SENSOR) for name in WIDE]
         self.joints = self.create_publisher(JointState, "/joint_states", RELIABLE)
         self.clock = self.create_publisher(Clock, "/clock", LATEST)
         self.true_ball = self.create_publisher(Odometry, "/sim/ball", TRUTH)
@@ -169,6 +181,8 @@ class SimNode(Node):
         start, real_start, params = time.time(), time.monotonic(), self.params
         hardware = Hardware(self.world.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick)
         noise = np.random.default_rng(params.seed + 1)  # of the encoders; the other generator is the launches'
+        wide = WideWatch(self.world.wide, self.world.physics.air.coefficients, start, np.random.default_rng(params.seed + 2))
+        late = deque[tuple[float, int, PointStamped]]()  # when they are due, s, which camera's, pixels on their way
         dark = [
             image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
             for c, n in zip(self.cameras, CAMERAS, strict=True)
@@ -206,6 +220,11 @@ class SimNode(Node):
             measured = self.plant.measured(tick.joints, noise)
             self.joints.publish(joints_to_message(self.arm.names, measured.time, measured.q, measured.qdot))
             self.publish_truth(tick)
+            for seen, side, pixel in wide.frames(tick):
+                late.append((seen + self.world.wide.latency, side, pixel_to_message(seen, pixel, f"{WIDE[side]}_optical")))
+            while late and late[0][0] <= tick.joints.time:
+                _, side, message = late.popleft()
+                self.pixels[side].publish(message)
             for outcome in tick.ended:
                 over = flying.pop(outcome.launched.time)
                 self.status.tell("ball over", number=over.number, shot=over.shot, **outcome.told())

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tt_core.errors import TtError
 
-from .episode import play
+from .episode import Trial, play, session
 from .figures import NUMBERS, TEXTS, figures
 from .scenario import Scenario, load
 
@@ -33,8 +33,12 @@ SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64(
 
 
 def part(scenario: Scenario, first: int, last: int) -> pa.Table:
-    """Balls first to last - 1, a row each."""
-    return pa.Table.from_pylist([figures(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
+    """Balls first to last - 1, a row each; at a rate the sessions that they are of are played as a whole."""
+    if scenario.balls == 1:
+        return pa.Table.from_pylist([figures(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
+    numbers = range(first // scenario.balls, -(-last // scenario.balls))
+    played = (episode for number in numbers for episode in session(scenario, number))
+    return pa.Table.from_pylist([figures(episode) for episode in played if first <= episode.trial.seed < last], SCHEMA)
 
 
 def fingerprint(scenario: Scenario, balls: int, size: int) -> str:
@@ -57,8 +61,9 @@ def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor
 def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = PART) -> None:
     """Plays what is not played yet and writes `out`. scheduler: address of a Dask scheduler instead of processes of this machine.
 
-    Raises TtError when other balls lie in the parts.
+    Raises TtError when other balls lie in the parts, or when there are no such balls, before anything is played.
     """
+    Trial.drawn(scenario, 0)
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
     told = folder / "scenario.json"
     if told.is_file() and json.loads(told.read_text())["fingerprint"] != mark:

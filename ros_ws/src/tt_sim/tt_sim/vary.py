@@ -31,8 +31,10 @@ class Variation:
     def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
         """The physics of one trial. A coefficient is kept where its surface gives no energy."""
 
+        draws = dict(zip(_ORDER, np.clip(rng.normal(size=len(_ORDER)), -FURTHEST, FURTHEST).tolist(), strict=True))
+
         def factor(name: str) -> float:
-            return float(1.0 + getattr(self, name) * np.clip(rng.normal(), -FURTHEST, FURTHEST))
+            return 1.0 + getattr(self, name) * draws[name]
 
         drag, lift, grip, rubber = factor("drag"), factor("lift"), factor("grip"), factor("rubber_grip")
         air, table, racket = physics.air, physics.table, physics.racket
@@ -64,3 +66,6 @@ class Variation:
                 rotational=racket.rotational * rubber,
             ),
         )
+
+
+_ORDER = ("drag", "lift", "grip", "rubber_grip", "spin_decay", "restitution", "friction", "rubber_restitution")

@@ -290,16 +290,13 @@ def travel(
 
 def contacts_from(log: Array, start: float) -> list[Contact]:
     """The rows (n, 22) that `travel` fills, as contacts; start: s, of the first racket row."""
-    return [
-        Contact(
-            SURFACES[int(row[0])],
-            BallState.from_vector(start + row[1], row[2:11]),
-            BallState.from_vector(start + row[1], row[11:20]),
-            float(row[20]),
-            bool(row[21]),
-        )
-        for row in log
-    ]
+    rows = log.copy()
+    rows.flags.writeable = False
+    contacts = []
+    for row, (surface, after, *_, offset, edge) in zip(rows, log.tolist(), strict=True):
+        one, other = (BallState.trusted(start + after, row[k : k + 3], row[k + 3 : k + 6], row[k + 6 : k + 9]) for k in (2, 11))
+        contacts.append(Contact(SURFACES[int(surface)], one, other, offset, edge > 0.0))
+    return contacts
 
 
 class World:
@@ -322,5 +319,5 @@ class World:
             models = physics.air.coefficients, physics.table.coefficients, physics.racket.coefficients
             n, now, alive = travel(ball, since, until - start, rows, tick, *models, physics.contact_height, self.racket_radius, self._log)
             self.ball = BallState.from_vector(start + now, ball) if alive else None
-            return contacts_from(self._log[:n], start)
+            return contacts_from(self._log[:n], start) if n else []
         return []

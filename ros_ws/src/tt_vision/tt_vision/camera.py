@@ -179,23 +179,43 @@ def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
     if np.ndim(pixels) == 2:
         return triangulate(cameras, np.asarray(pixels)[:, None])[0]
     seen = check_array("pixels", pixels, (len(cameras), -1, 2))
-    rows, right, depths = [], [], []
-    for camera, uv in zip(cameras, seen, strict=True):
-        rays = camera.rays(uv)
-        xy = rays[:, :2] / rays[:, 2:]
-        rows.append(xy[:, :, None] * camera.rotation[2] - camera.rotation[:2])
-        right.append(camera.translation[:2] - xy * camera.translation[2])
-        depths.append((camera.rotation[2], camera.translation[2]))
-    a, b = np.concatenate(rows, axis=1), np.concatenate(right, axis=1)
-    weight = np.ones(b.shape)
-    for _ in range(3):
-        aw = a * weight[..., None]
-        normal = np.swapaxes(aw, 1, 2) @ aw
-        if (np.linalg.cond(normal) > 1e14).any():
-            raise TtError("the rays of the cameras are parallel")
-        points = np.linalg.solve(normal, np.swapaxes(aw, 1, 2) @ (b * weight)[..., None])[..., 0]
-        weight = 1.0 / np.repeat(np.stack([points @ row + shift for row, shift in depths], axis=1), 2, axis=1)
-    return np.asarray(points, dtype=np.float64)
+    points = _triangulate(np.array([camera.vector for camera in cameras]), seen)
+    if not np.isfinite(points).all():
+        raise TtError("the rays of the cameras are parallel")
+    return points
+
+
+@njit(cache=True, nogil=True)
+def _triangulate(cameras: Array, pixels: Array) -> Array:
+    """cameras: (m, 20) Camera.vector. pixels: (m, n, 2). Returns (n, 3), NaN for parallel rays."""
+    m, points = len(cameras), np.empty((pixels.shape[1], 3))
+    rays, depths = np.empty((m, 2)), np.empty(m)
+    for i in range(len(points)):
+        for j in range(m):
+            rays[j] = ray(cameras[j], pixels[j, i, 0], pixels[j, i, 1])
+            depths[j] = 1.0
+        for _ in range(3):
+            xx, xy, xz, yy, yz, zz, x, y, z = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # normal equations and their right side
+            for j in range(m):
+                c = cameras[j]
+                for k in range(2):
+                    p = (rays[j, k] * c[6] - c[3 * k]) / depths[j]
+                    q = (rays[j, k] * c[7] - c[3 * k + 1]) / depths[j]
+                    r = (rays[j, k] * c[8] - c[3 * k + 2]) / depths[j]
+                    b = (c[9 + k] - rays[j, k] * c[11]) / depths[j]
+                    xx, xy, xz, yy, yz, zz = xx + p * p, xy + p * q, xz + p * r, yy + q * q, yz + q * r, zz + r * r
+                    x, y, z = x + p * b, y + q * b, z + r * b
+            f, g, h = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+            det = xx * f + xy * g + xz * h
+            if det < 1e-14 * (xx + yy + zz) ** 3:
+                points[i] = np.nan
+                break
+            points[i, 0] = (f * x + g * y + h * z) / det
+            points[i, 1] = (g * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z) / det
+            points[i, 2] = (h * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z) / det
+            for j in range(m):
+                depths[j] = cameras[j, 6] * points[i, 0] + cameras[j, 7] * points[i, 1] + cameras[j, 8] * points[i, 2] + cameras[j, 11]
+    return points
 
 
 def calibrate(

@@ -1,4 +1,4 @@
-"""The two high speed cameras of the dissertation, as they stand by default, in frame `table`."""
+"""The cameras of the dissertation as they stand by default, in frame `table`: two fast ones at the launcher, two wide ones."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ APART = math.radians(45.0)  # between the two lines of sight
 PIXEL_SIZE = 20e-6  # m, dissertation Table A.6
 ABOVE = math.radians(20.0)  # elevation of the plane of the two lines of sight
 
+WIDE_RATE = 150.0  # 1/s, dissertation Table A.7
+WIDE_CENTRE = (1.28, 0.7625, 0.2)  # m, in the middle of their images
+WIDE_DISTANCE = 7.0  # m from there, as far as it takes to see from 0.4 m behind the robot's end to as far behind the other: 6 mm a pixel
+WIDE_APART = math.radians(60.0)  # between the two lines of sight
+WIDE_ABOVE = math.radians(25.0)  # elevation of both
+
 
 def high_speed_pair() -> tuple[Camera, Camera]:
     """(left, right): both on the side y < 0.7625, seeing 13 cm of the flight, left the one nearer to the net."""
@@ -29,6 +35,25 @@ def high_speed_pair() -> tuple[Camera, Camera]:
             pixel_size=PIXEL_SIZE,
             width=232,  # dissertation Section 2.1
             height=232,
+        )
+        for side in (-1.0, 1.0)
+    )
+    return left, right
+
+
+def wide_pair() -> tuple[Camera, Camera]:
+    """(wide_left, wide_right): both on the side y < 0, left the one nearer to the robot, seeing the ball from the strike to behind the
+    opponent's end. Where the dissertation's stood is not printed."""
+    flat, high = math.cos(WIDE_ABOVE), math.sin(WIDE_ABOVE)
+    aside, back = flat * math.sin(WIDE_APART / 2), flat * math.cos(WIDE_APART / 2)
+    left, right = (
+        Camera.looking_at(
+            np.array(WIDE_CENTRE) + WIDE_DISTANCE * np.array([side * aside, -back, high]),
+            WIDE_CENTRE,
+            focal_length=8.3e-3,  # m, dissertation Table A.8
+            pixel_size=7.4e-6,  # m, dissertation Table A.7
+            width=640,
+            height=480,
         )
         for side in (-1.0, 1.0)
     )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Point, Transform, Twist, Vector3
+from geometry_msgs.msg import Point, PointStamped, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
@@ -152,6 +152,18 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
         position, velocity = _numbers(point.transforms[0].translation), _numbers(point.velocities[0].linear)
         rackets.append(RacketState.facing(start + seconds(point.time_from_start), position, velocity, normal))
     return rackets
+
+
+def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) -> PointStamped:
+    """pixel: (2,) where a camera that tracks on board saw the ball's centre at `time` (s), the middle of the exposure."""
+    message = PointStamped(point=Point(x=float(pixel[0]), y=float(pixel[1])))
+    message.header.stamp, message.header.frame_id = stamp(time), frame
+    return message
+
+
+def pixel_from_message(message: PointStamped) -> tuple[float, Array]:
+    """Time (s) and pixel (2,)."""
+    return seconds(message.header.stamp), check_array("pixel", [message.point.x, message.point.y], (2,))
 
 
 def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array) -> Odometry:

@@ -21,11 +21,10 @@ from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 from tt_vision.spin import estimate_spin
 
 from ..render import Lamp, Lamps, Texture
+from ..rotation import AXES, SPEEDS
 from ..trials import Burst, Conditions, film
 
-AXES = ((-0.038, 0.999, -0.006), (-0.557, 0.814, 0.165))  # Section 2.5.1
 FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
-SPEEDS = (1500, 2000, 2500, 3000)  # rpm
 METHODS = {"correlation": "Method 1", "liu": "Method 2", "registration": "registration"}
 LAMP = Lamps((Lamp((2.45, 0.33, 0.60), 0.25),), ambient=0.12)  # one, 0.5 m from the ball, near the lines of sight
 CLOSE = 0.97  # inner product of the axes that counts as right, 14 deg

@@ -1,0 +1,109 @@
+"""What two wide cameras at 150 Hz make of a ball: they follow it on board and tell the pixel of its centre (dissertation Section 4.5.2)."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_core.errors import check_range
+from tt_core.flight import fly
+from tt_core.states import Array
+from tt_vision.camera import Camera
+from tt_vision.rig import WIDE_RATE, wide_pair
+
+from .hardware import Tick
+from .outcome import Outcome
+
+LONGEST = 3.0  # s after the launch, that a ball is followed
+
+
+@dataclass(frozen=True, slots=True)
+class WideFaults:
+    """How wide cameras differ from perfect ones.
+
+    noise is the scatter of the centroid of a ball 7 pixels wide, its image rendered with its marks in the light of three lamps overhead and
+    cut at 0.3 of its brightness (tests/sim/test_wide.py: 0.09 pixels); 2 ms of motion blur do not shift it.
+    """
+
+    noise: float = 0.1  # pixels, standard deviation of a centre, each way
+    step: float = 0.0625  # pixels, in which a centre is told: an assumption; 0: none
+    turned: float = 0.0  # rad, standard deviation of how far each stands from where it was calibrated, about each axis
+    dropped: float = 0.0  # share of centres that never come
+    latency: float = 0.0  # s, from the middle of the exposure to the message, of the node
+
+    def __post_init__(self) -> None:
+        check_range("noise", self.noise, 0.0, 10.0)
+        check_range("step", self.step, 0.0, 10.0)
+        check_range("turned", self.turned, 0.0, 0.1)
+        check_range("dropped", self.dropped, 0.0, 1.0)
+        check_range("latency", self.latency, 0.0, 1.0)
+
+
+@functools.cache
+def believed() -> tuple[Camera, Camera]:
+    """The pair as it was calibrated."""
+    return wide_pair()
+
+
+class WidePair:
+    """The pair as it really stands. rng: of where that is."""
+
+    def __init__(self, faults: WideFaults, rng: np.random.Generator) -> None:
+        self.faults = faults
+        self.cameras = tuple(_turned(camera, faults.turned, rng) for camera in believed())
+
+    def pixels(self, places: Array, rng: np.random.Generator) -> Array:
+        """(2, n, 2) of a ball at `places` (n, 3) m, NaN where a camera does not see it or does not tell."""
+        faults, shape = self.faults, (2, len(places), 2)
+        seen = np.stack([camera.project(places) for camera in self.cameras]) + faults.noise * rng.standard_normal(shape)
+        if faults.step > 0.0:
+            seen = np.round(seen / faults.step) * faults.step
+        with np.errstate(invalid="ignore"):
+            outside = ((seen < 0.0) | (seen > np.array([self.cameras[0].width - 1, self.cameras[0].height - 1]))).any(axis=2)
+        seen[outside | (rng.uniform(size=shape[:2]) < faults.dropped)] = np.nan
+        return seen
+
+
+class WideWatch:
+    """The pair in a running world, frame by frame from `start` (s) on. air: coefficients of the balls, good enough for a part of a tick."""
+
+    def __init__(self, faults: WideFaults, air: Array, start: float, rng: np.random.Generator) -> None:
+        self._pair, self._air, self._rng, self._due = WidePair(faults, rng), air, rng, start
+
+    def frames(self, tick: Tick) -> list[tuple[float, int, Array]]:
+        """(stamp s, 0 left or 1 right, pixel (2,)) of the frames during the tick that show the ball."""
+        seen = []
+        while self._due <= tick.joints.time:
+            then = next((contact.before for contact in tick.contacts if contact.before.time >= self._due), tick.ball)
+            if then is not None:
+                place = fly(then.vector, self._due - then.time, self._air)[None, :3]
+                pixels = self._pair.pixels(place, self._rng)[:, 0]
+                seen += [(self._due, side, pixel) for side, pixel in enumerate(pixels) if np.isfinite(pixel).all()]
+            self._due += 1.0 / WIDE_RATE
+        return seen
+
+
+def _turned(camera: Camera, sigma: float, rng: np.random.Generator) -> Camera:
+    if sigma == 0.0:
+        return camera
+    turn = Rotation.from_rotvec(rng.normal(0.0, sigma, 3)).as_matrix()
+    return replace(camera, rotation=turn @ camera.rotation, translation=turn @ camera.translation)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sightings:
+    """Where both cameras saw the ball. times: (n,) s, rising. pixels: (2, n, 2)."""
+
+    times: Array
+    pixels: Array
+
+    @classmethod
+    def of(cls, outcome: Outcome, air: Array, faults: WideFaults, rng: np.random.Generator) -> Sightings:
+        """Of a whole flight, from launch to end, by cameras that do not wait for it. air: coefficients of the true one."""
+        first, pair = outcome.launched.time + rng.uniform() / WIDE_RATE, WidePair(faults, rng)
+        times = np.arange(first, outcome.followed_until(outcome.launched.time + LONGEST), 1.0 / WIDE_RATE)
+        pixels = pair.pixels(outcome.places(times, air), rng)
+        both = np.isfinite(pixels).all(axis=(0, 2))
+        return cls(times[both], pixels[:, both])
