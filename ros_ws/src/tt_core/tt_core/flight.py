@@ -2,7 +2,7 @@
 
 The acceleration depends on velocity and spin only, so one Dormand-Prince step of order 5 on the velocity carries the position with it.
 At MAX_STEP its error is about 1e-11 m over a flight. Kernels take and fill plain arrays, state = (9,) position, velocity, spin;
-they are compiled, allocation-free in the loop and do not validate; a division by zero gives inf, for the check of it costs 5 % of time.
+they are compiled, allocation-free in the loop and do not validate; a division by zero gives inf, for the check for it costs 5 % of the time.
 """
 
 from __future__ import annotations
