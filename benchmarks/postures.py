@@ -25,7 +25,7 @@ from tt_core.states import RacketState
 MODEL = ArmModel.pa10()
 FRAME = MODEL.pinocchio.getFrameId("racket")
 PEER = 1e-6  # m and rad, where the peers' iterations end; ours ends at 1e-9
-STEPS = 100  # iterations of a peer; with 300 pin-pink reached no more
+STEPS = 100  # iterations of a peer, at most
 SEEN = 0.05  # m, from the waiting posture to a target near it
 TURN = 20  # targets in turn, so that each solver runs warm
 PEERS = 300  # targets that the peers are given, at most
