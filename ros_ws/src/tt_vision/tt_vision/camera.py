@@ -114,7 +114,7 @@ class Camera:
         return _rays(self.vector, check_array("pixels", pixels, (-1, 2)))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def distort(x: float, y: float, k1: float, k2: float, p1: float, p2: float, k3: float) -> tuple[float, float]:
     """x, y: X/Z and Y/Z in the camera's frame. The polynomial model of OpenCV."""
     r2 = x * x + y * y
@@ -132,7 +132,7 @@ def project_point(camera: Array, x: float, y: float, z: float) -> tuple[float, f
     return camera[12] * a + camera[13], camera[12] * b + camera[14]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def ray(camera: Array, u: float, v: float) -> tuple[float, float]:
     """camera: Camera.vector. u, v: pixel. Returns X/Z and Y/Z in the camera's frame. Not validated."""
     x0, y0 = (u - camera[13]) / camera[12], (v - camera[14]) / camera[12]

@@ -128,7 +128,7 @@ def _median(counts: np.ndarray) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def bilinear(image: np.ndarray, u: float, v: float) -> float:
     """Inside the image only; not validated."""
     i, j = int(u), int(v)
@@ -136,7 +136,7 @@ def bilinear(image: np.ndarray, u: float, v: float) -> float:
     return (1.0 - b) * ((1.0 - a) * image[j, i] + a * image[j, i + 1]) + b * ((1.0 - a) * image[j + 1, i] + a * image[j + 1, i + 1])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, background: float, peak: float) -> Array:
     """Points of the outline of the ball.
 

@@ -80,7 +80,7 @@ class Light:
         return replace(self, harmonics=harmonics, gloss=gloss)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def level(x: float, y: float, z: float, cx: float, cy: float, cz: float, h: Array, lamps: Array) -> float:
     """Grey level, before the gain, of a white ball around (cx, cy, cz) m where its outward normal is (x, y, -z), in the camera's frame.
 
@@ -149,7 +149,7 @@ def polynomials(x: float, y: float, z: float, out: Array) -> None:
     out[13], out[14], out[15] = z * x * x, z * x * y, z * y * y
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, Array]:
     """(cameras, 16) light on a white surface by its normal, and (images,) gain of each image; marks are left out step by step."""
     images, size = stack.shape[0], stack.shape[1]

@@ -72,7 +72,7 @@ def _shown(surface: Surface, cameras: int) -> Array:
     return np.asarray(surface.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _mark(nx: float, ny: float, nz: float, turns: Array, m: int, marks: Array, texels: np.ndarray, least: float) -> float:
     """The mark at the normal (nx, ny, nz) in the frame of the camera of image m; -1 where it rests on less than `least`."""
     x = turns[m, 0, 0] * nx + turns[m, 1, 0] * ny + turns[m, 2, 0] * nz
@@ -126,7 +126,7 @@ def _limb(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _outline(image: np.ndarray, u: float, v: float, radius: float, contrast: float, expected: Array, bent: float) -> Array:
     """(n, 3) pixel and weight of outline points around (u, v), as `centre.outline`, by what is expected inside: (RAYS, DEPTHS).
 

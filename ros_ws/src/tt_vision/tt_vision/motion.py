@@ -174,7 +174,7 @@ def _outlines(
     return np.concatenate(found)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, Array, Array]:
     """points: (n, 5) camera, frame, pixel, weight. state: (6 + cameras,) position, velocity at tau = 0, edge shift of each camera.
 
@@ -218,7 +218,7 @@ def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: 
     return r, j, outwards
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[np.ndarray, float, np.ndarray]:
     """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance with each camera aligned, the offsets."""
     size, n = len(state), len(points)

@@ -285,7 +285,7 @@ def _search(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: n
     return scores
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _sample(images: np.ndarray, weights: np.ndarray, views: Array, m: int, nx: float, ny: float, nz: float, out: Array) -> bool:
     """out (5,): value, weight and gradient with respect to the normal (nx, ny, nz), all in the camera's frame. False where image m does not
     show it."""

@@ -25,7 +25,7 @@ def cube(n: int, edge: int) -> np.ndarray:
     return _make_cube(fibonacci(n), edge)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def nearest(cube: np.ndarray, x: float, y: float, z: float) -> int:
     """The point nearest to the direction (x, y, z), to a texel of the cube."""
     n = cube.shape[1]
