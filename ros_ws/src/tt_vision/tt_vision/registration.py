@@ -46,7 +46,7 @@ class SearchParams:
 
     @classmethod
     def fast(cls) -> SearchParams:
-        """Half the time."""
+        """Three fifths of the time."""
         return cls(pairs=3, kept=3, coarse_points=400, fine_points=800, second_look=False)
 
     def __post_init__(self) -> None:
