@@ -15,7 +15,6 @@ from tt_core.states import Array
 from .camera import Camera, ray, triangulate
 from .centre import Image, Spot, outline
 
-OFFSET_PRIOR = 0.5  # pixels, by how much a camera may have the ball aside of where the others do: 0.02 deg or 0.3 mm off
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
 LEAST_POINTS = 16  # in an image: a quarter of the outline
 SHADED = (12e-6, 45e-6)  # m, across and along the lines of sight: what all frames share, light that makes one side of an outline brighter
@@ -221,56 +220,54 @@ def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[np.ndarray, float, np.ndarray]:
-    """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance as if the offsets were known, the rms distance, the offsets.
-
-    Each camera may have the ball aside of where the fit puts it, by the same offset in all frames: a calibration that is off is no motion.
-    """
-    cameras, n, known = len(vectors), len(points), len(state)
-    size = known + 2 * cameras
-    scale, total = 3.0, 1e-12
-    w, r, offsets = np.empty(n), np.empty(n), np.zeros((cameras, 2))
-    h, g, row, at = np.empty((size, size)), np.empty(size), np.empty(9), np.empty(9, dtype=np.int64)
+    """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance with each camera aligned, the offsets."""
+    size, n = len(state), len(points)
+    scale = 3.0
+    w = np.empty(n)
+    h, g, row = np.empty((size, size)), np.empty(size), np.empty(7)
     row[6] = -1.0
-    for a in range(6):
-        at[a] = a
     for step in range(12):
         r, j, outwards = distances(points, vectors, tau, gravity, state)
-        for i in range(n):
-            c = int(points[i, 0])
-            r[i] -= offsets[c, 0] * outwards[i, 0] + offsets[c, 1] * outwards[i, 1]
         scale = max(0.05, min(scale, 1.48 * np.median(np.abs(r))))
         h[:], g[:] = 0.0, 0.0
-        for c in range(cameras):
-            h[6 + c, 6 + c], g[6 + c] = 1.0 / EDGE_PRIOR**2, state[6 + c] / EDGE_PRIOR**2
-            for k in range(2):
-                p = known + 2 * c + k
-                h[p, p], g[p] = 1.0 / OFFSET_PRIOR**2, offsets[c, k] / OFFSET_PRIOR**2
+        for c in range(6, size):
+            h[c, c], g[c] = 1.0 / EDGE_PRIOR**2, state[c] / EDGE_PRIOR**2
         for i in range(n):
             out = r[i] / (4.7 * scale)
             w[i] = points[i, 4] * max(0.0, 1.0 - out * out) ** 2
             if w[i] == 0.0:
                 continue
-            c = int(points[i, 0])
             row[:6] = j[i]
-            row[7], row[8] = -outwards[i, 0], -outwards[i, 1]
-            at[6], at[7], at[8] = 6 + c, known + 2 * c, known + 2 * c + 1
+            mine = 6 + int(points[i, 0])
             force = w[i] / (scale * scale)
-            for a in range(9):
-                g[at[a]] += force * row[a] * r[i]
-                for b in range(a + 1):
-                    h[at[a], at[b]] += force * row[a] * row[b]
-        for a in range(size):
-            for b in range(a):
-                h[b, a] = h[a, b]
+            for a in range(7):
+                p = a if a < 6 else mine
+                g[p] += force * row[a] * r[i]
+                for b in range(7):
+                    h[p, b if b < 6 else mine] += force * row[a] * row[b]
         delta = np.linalg.solve(h, g)
-        state -= delta[:known]
-        for c in range(cameras):
-            offsets[c, 0] -= delta[known + 2 * c]
-            offsets[c, 1] -= delta[known + 2 * c + 1]
+        state -= delta
         if step > 2 and np.abs(delta[:3]).max() < 1e-6 and np.abs(delta[3:6]).max() < 1e-4:
             break
-    error = 0.0
+    cameras = len(vectors)
+    m, b2 = np.zeros((cameras, 3)), np.zeros((cameras, 2))
     for i in range(n):
-        error += w[i] * r[i] * r[i]
+        c = int(points[i, 0])
+        x, y = outwards[i]
+        m[c, 0] += w[i] * x * x
+        m[c, 1] += w[i] * x * y
+        m[c, 2] += w[i] * y * y
+        b2[c, 0] += w[i] * x * r[i]
+        b2[c, 1] += w[i] * y * r[i]
+    offsets = np.zeros((cameras, 2))
+    for c in range(cameras):
+        det = m[c, 0] * m[c, 2] - m[c, 1] ** 2 + 1e-9
+        offsets[c, 0] = (m[c, 2] * b2[c, 0] - m[c, 1] * b2[c, 1]) / det
+        offsets[c, 1] = (m[c, 0] * b2[c, 1] - m[c, 1] * b2[c, 0]) / det
+    error, total = 0.0, 1e-12
+    for i in range(n):
+        c = int(points[i, 0])
+        rest = r[i] - offsets[c, 0] * outwards[i, 0] - offsets[c, 1] * outwards[i, 1]
+        error += w[i] * rest * rest
         total += w[i]
-    return np.linalg.inv(h[:known, :known].copy()) * (error / total / scale**2), math.sqrt(error / total), offsets
+    return np.linalg.inv(h) * (error / total / scale**2), math.sqrt(error / total), offsets
