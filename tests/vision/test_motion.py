@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tt_core.constants import BALL_RADIUS, GRAVITY
 from tt_vision.centre import find_ball
-from tt_vision.motion import distances, fit_motion
+from tt_vision.motion import bearings, distances, fit_motion
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 CAMERAS = high_speed_pair()
@@ -27,11 +27,12 @@ def test_the_derivative_is_that_of_finite_differences():
         np.array([CAMERAS[s].project(np.array(VIEW_CENTRE)[None])[0] for s in side]) + 35.0 * np.array([np.cos(angle), np.sin(angle)]).T
     )
     points = np.column_stack([side, frame, pixels, np.ones(50)])
-    _, j, _ = distances(points, vectors, tau, gravity, state)
+    rays = bearings(points, vectors)
+    _, j, _ = distances(points, rays, vectors, tau, gravity, state)
     for a in range(6):
         step = np.zeros(8)
         step[a] = 1e-6
-        ahead, behind = (distances(points, vectors, tau, gravity, state + s * step)[0] for s in (1, -1))
+        ahead, behind = (distances(points, rays, vectors, tau, gravity, state + s * step)[0] for s in (1, -1))
         # 1e-3: the second difference of atan2 at 35 pixels from the centre
         assert j[:, a] == pytest.approx((ahead - behind) / 2e-6, abs=1e-3 * np.abs(j[:, a]).max())
 
@@ -49,7 +50,9 @@ def test_the_outline_of_a_sphere_is_at_distance_zero():
     points = centre - BALL_RADIUS * sine * away + BALL_RADIUS * np.sqrt(1 - sine**2) * ring
     rows = np.column_stack([np.zeros(20), np.zeros(20), camera.project(points), np.ones(20)])
     state = np.concatenate([centre, np.zeros(5)])
-    assert distances(rows, np.array([camera.vector] * 2), np.zeros(1), np.zeros(3), state)[0] == pytest.approx(np.zeros(20), abs=1e-9)
+    vectors = np.array([camera.vector])
+    found, _, _ = distances(rows, bearings(rows, vectors), vectors, np.zeros(1), np.zeros(3), state)
+    assert found == pytest.approx(np.zeros(20), abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -130,7 +130,7 @@ def test_the_step_of_the_refinement_leads_to_the_spin(footage):
     best = estimate_spin(footage.frames, footage.times, footage.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
-        h, g, _, _ = compare_all(start, points, s.marks, s.weights, s.views, s.frame, s.times)
+        h, g, _, _ = compare_all(start, points, s.marks, s.views, s.frame, s.times)
         assert np.linalg.norm(start - np.linalg.solve(h, g) - best) / RPM < 8.0
 
 

@@ -154,37 +154,38 @@ def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, A
     """(cameras, 16) light on a white surface by its normal, and (images,) gain of each image; marks are left out step by step."""
     images, size = stack.shape[0], stack.shape[1]
     frames = images // cameras
-    light, gains, h = np.zeros((cameras, HARMONICS)), np.ones(images), np.empty(HARMONICS)
+    light, gains = np.zeros((cameras, HARMONICS)), np.ones(images)
+    most = frames * ((size + 3) // 4) ** 2
+    columns, values, ends, h = np.empty((HARMONICS, most)), np.empty(most), np.empty(frames, dtype=np.int64), np.empty(HARMONICS)
     for c in range(cameras):
-        for step in range(LIGHT_STEPS):
-            a, b = np.zeros((HARMONICS, HARMONICS)), np.zeros(HARMONICS)
-            for m in range(c * frames, (c + 1) * frames):
-                above, under = 0.0, 1e-9
-                for j in range(m % 4, size, 4):
-                    for i in range(m % 4, size, 4):
-                        if normals[m, j, i, 3] < LIMB:
-                            continue
+        n = 0
+        for k in range(frames):
+            m = c * frames + k
+            for j in range(m % 4, size, 4):
+                for i in range(m % 4, size, 4):
+                    if normals[m, j, i, 3] >= LIMB:
                         polynomials(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
-                        value = stack[m, j, i]
-                        if step > 0:
-                            white = 0.0
-                            for p in range(HARMONICS):
-                                white += light[c, p] * h[p]
-                            if value < WHITE * gains[m] * white or (step > 2 and value * WHITE > gains[m] * white):
-                                continue
-                            above += value
-                            under += white
-                        for p in range(HARMONICS):
-                            b[p] += gains[m] * value * h[p]
-                            for q in range(p + 1):
-                                a[p, q] += gains[m] ** 2 * h[p] * h[q]
-                if step > 1:
-                    gains[m] = above / under
+                        columns[:, n], values[n] = h, stack[m, j, i]
+                        n += 1
+            ends[k] = n
+        gain = np.ones(n)
+        for step in range(LIGHT_STEPS):
+            if step > 0:
+                white, n = _products(columns, light[c], n), 0
+                for k in range(frames):
+                    m = c * frames + k
+                    above, under = 0.0, 1e-9
+                    for i in range(n, ends[k]):
+                        expected = gains[m] * white[i]
+                        gain[i] = 0.0 if values[i] < WHITE * expected or (step > 2 and values[i] * WHITE > expected) else gains[m]
+                        if gain[i] > 0.0:
+                            above, under = above + values[i], under + white[i]
+                    n = ends[k]
+                    if step > 1:
+                        gains[m] = above / under
+            a, b = _normal_equations(columns, gain, values, n)
             for p in range(HARMONICS):
-                a[p, p] *= 1.0 + 1e-4
-                a[p, p] += 1e-6
-                for q in range(p):
-                    a[q, p] = a[p, q]
+                a[p, p] = (1.0 + 1e-4) * a[p, p] + 1e-6
             light[c] = np.linalg.solve(a, b)
     return light, gains
 
@@ -194,28 +195,52 @@ def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, ga
     """(cameras, 16) light and (cameras, 4) gloss with which the marks give the images best, pixel by pixel where `albedo` is known."""
     images, size = stack.shape[0], stack.shape[1]
     frames, both = images // cameras, HARMONICS + GLOSS
-    light, gloss, h, row = np.zeros((cameras, HARMONICS)), np.zeros((cameras, GLOSS)), np.empty(HARMONICS), np.empty(both)
+    light, gloss, h = np.zeros((cameras, HARMONICS)), np.zeros((cameras, GLOSS)), np.empty(HARMONICS)
+    most = frames * ((size + 2) // 3) ** 2
+    columns, gain, values = np.empty((both, most)), np.empty(most), np.empty(most)
     for c in range(cameras):
-        a, b = np.zeros((both, both)), np.zeros(both)
+        n = 0
         for m in range(c * frames, (c + 1) * frames):
             for j in range(m % 3, size, 3):
                 for i in range(m % 3, size, 3):
                     if normals[m, j, i, 3] < LIMB or albedo[m, j, i] <= 0.0:
                         continue
                     polynomials(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
-                    for p in range(HARMONICS):
-                        row[p] = gains[m] * albedo[m, j, i] * h[p]
-                    for p in range(GLOSS):
-                        row[HARMONICS + p] = gains[m] * h[p]
-                    for p in range(both):
-                        b[p] += row[p] * stack[m, j, i]
-                        for q in range(p + 1):
-                            a[p, q] += row[p] * row[q]
+                    columns[:HARMONICS, n], columns[HARMONICS:, n] = albedo[m, j, i] * h, h[:GLOSS]
+                    gain[n], values[n] = gains[m], stack[m, j, i]
+                    n += 1
+        a, b = _normal_equations(columns, gain, values, n)
         largest = a[0, 0] + 1e-6
         for p in range(both):
             a[p, p] += largest * (1e-5 if p < HARMONICS else GLOSS_RIDGE)
-            for q in range(p):
-                a[q, p] = a[p, q]
         found = np.linalg.solve(a, b)
         light[c], gloss[c] = found[:HARMONICS], found[HARMONICS:]
     return light, gloss
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _products(columns: Array, factors: Array, n: int) -> Array:
+    """(n,) of the first n entries of the columns (p, most), times factors (p,)."""
+    out = np.zeros(n)
+    for p in range(len(factors)):
+        for i in range(n):
+            out[i] += factors[p] * columns[p, i]
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _normal_equations(columns: Array, gain: Array, values: Array, n: int) -> tuple[Array, Array]:
+    """(p, p) and (p,) of the first n equations gain * columns = values; columns: (p, most)."""
+    unknowns = len(columns)
+    scaled, a, b = columns[:, :n] * gain[:n], np.empty((unknowns, unknowns)), np.empty(unknowns)
+    for p in range(unknowns):
+        first, total = scaled[p], 0.0
+        for i in range(n):
+            total += first[i] * values[i]
+        b[p] = total
+        for q in range(p + 1):
+            second, total = scaled[q], 0.0
+            for i in range(n):
+                total += first[i] * second[i]
+            a[p, q] = a[q, p] = total
+    return a, b

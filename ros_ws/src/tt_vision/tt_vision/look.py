@@ -69,7 +69,7 @@ def look_again(
 
 def _shown(surface: Surface, cameras: int) -> Array:
     """(cameras,) how much of the ball each camera shows well enough."""
-    return np.asarray(surface.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64))
+    return np.asarray(surface.marks[..., 1].reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")

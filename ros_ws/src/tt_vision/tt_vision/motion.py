@@ -13,7 +13,7 @@ from tt_core.errors import TtError
 from tt_core.states import Array
 
 from .camera import Camera, ray, triangulate
-from .centre import Image, Spot, outline
+from .centre import RAYS, Image, Spot, outline
 
 EDGE_PRIOR = 0.6  # pixels, by how much an edge found in an image may lie inside or outside the true outline
 LEAST_POINTS = 16  # in an image: a quarter of the outline
@@ -26,6 +26,7 @@ VAGUE = (
 THIN = 0.1  # of the acceleration by the air, standard deviation of what is taken for it
 DOUBT = 0.1  # pixels, an offset of a camera that is as likely the outlines' as the calibration's
 FAR = 5.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
+ROUGHLY, ENOUGH = 1e-4, 1e-6  # m, and 1/100 s times that, last step of the first and of later fits: 0.07 pixels, and nothing
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
 
 
@@ -93,9 +94,9 @@ def fit_motion(
     gravity = np.array(acceleration, dtype=np.float64)
     state = np.zeros(6 + len(cameras))
     state[:6] = _start(spots, tau, cameras, gravity)
-    for reach in (0.35, 0.0):
+    for reach, enough in ((0.35, ROUGHLY), (0.0, ENOUGH)):
         points = _outlines(frames, spots, tau, vectors, state, gravity, reach)
-        motion = _solved(points, vectors, times, tau, cameras, gravity, state, False)
+        motion = _solved(points, vectors, times, tau, cameras, gravity, state, False, enough)
     return motion
 
 
@@ -110,13 +111,21 @@ def refit(motion: Motion, points: Array, times: Array, cameras: Sequence[Camera]
 
 
 def _solved(
-    points: Array, vectors: Array, times: Array, tau: Array, cameras: Sequence[Camera], gravity: Array, state: Array, known: bool
+    points: Array,
+    vectors: Array,
+    times: Array,
+    tau: Array,
+    cameras: Sequence[Camera],
+    gravity: Array,
+    state: Array,
+    known: bool,
+    enough: float = ENOUGH,
 ) -> Motion:
     """The least squares from `state` (6 + cameras,), which takes the result. Raises TtError."""
     if len(points) < LEAST_POINTS * len(tau) * len(cameras):
         raise TtError(f"{len(points)} outline points in {len(tau) * len(cameras)} images")
     try:
-        covariance, residual, offsets = _fit(points, vectors, tau, gravity, state)
+        covariance, residual, offsets = _fit(points, vectors, tau, gravity, state, enough)
     except np.linalg.LinAlgError:
         raise TtError("the outlines are of no ball that both cameras see") from None
     if np.abs(offsets).max() > FAR:
@@ -159,24 +168,37 @@ def _outlines(
     reach: float,
 ) -> Array:
     """(n, 5): camera, frame, pixel and weight of every outline point. reach: relative to the radius; 0 looks only near the outline."""
-    found = []
+    out, n, t = np.empty((len(vectors) * len(tau) * RAYS, 5)), 0, tau[:, None]
+    balls = state[:3] + t * state[3:6] + 0.5 * t * t * gravity
     for c, vector in enumerate(vectors):
-        for k, t in enumerate(tau):
-            centre = vector[:9].reshape(3, 3) @ (state[:3] + t * state[3:6] + 0.5 * t * t * gravity) + vector[9:12]
-            spot = spots[c][k]
-            radius = vector[12] * BALL_RADIUS / centre[2]
-            u, v = vector[12] * centre[:2] / centre[2] + vector[13:15]
+        centres = balls @ vector[:9].reshape(3, 3).T + vector[9:12]
+        scales = vector[12] / centres[:, 2]
+        pixels = scales[:, None] * centres[:, :2] + vector[13:15]
+        for k, (spot, (u, v), radius) in enumerate(zip(spots[c], pixels.tolist(), (BALL_RADIUS * scales).tolist(), strict=True)):
             if reach:
                 u, v = spot.u, spot.v
             wide = max(reach * radius, FINE)
             points = outline(frames[c][k], u, v, radius - wide, radius + wide, spot.background, spot.peak)
-            found.append(np.hstack([np.full((len(points), 1), c), np.full((len(points), 1), k), points]))
-    return np.concatenate(found)
+            out[n : n + len(points), 0], out[n : n + len(points), 1], out[n : n + len(points), 2:] = c, k, points
+            n += len(points)
+    return out[:n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, Array, Array]:
-    """points: (n, 5) camera, frame, pixel, weight. state: (6 + cameras,) position, velocity at tau = 0, edge shift of each camera.
+def bearings(points: Array, vectors: Array) -> Array:
+    """(n, 3) unit vectors to outline points (n, 5), as `distances` takes them, in their camera's frame."""
+    out = np.empty((len(points), 3))
+    for i in range(len(points)):
+        x, y = ray(vectors[int(points[i, 0])], points[i, 2], points[i, 3])
+        scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
+        out[i, 0], out[i, 1], out[i, 2] = x * scale, y * scale, scale
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def distances(points: Array, rays: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[Array, Array, Array]:
+    """points: (n, 5) camera, frame, pixel, weight. rays: (n, 3), their `bearings`. state: (6 + cameras,) position,
+    velocity at tau = 0, edge shift of each camera.
 
     Returns (n,) pixels from the expected outline, outwards; (n, 6) its derivative by position and velocity (by the camera's own edge shift
     it is -1); (n, 2) the direction outwards in the image. Not validated.
@@ -200,9 +222,7 @@ def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: 
             px, py, pz = px / distance, py / distance, pz / distance
             limb = math.asin(BALL_RADIUS / distance)
             factor = BALL_RADIUS / math.sqrt(distance * distance - BALL_RADIUS * BALL_RADIUS)
-        dx, dy = ray(camera, points[i, 2], points[i, 3])
-        scale = 1.0 / math.sqrt(dx * dx + dy * dy + 1.0)
-        dx, dy, dz = dx * scale, dy * scale, scale
+        dx, dy, dz = rays[i, 0], rays[i, 1], rays[i, 2]
         cosine = dx * px + dy * py + dz * pz
         ax, ay, az = dx - cosine * px, dy - cosine * py, dz - cosine * pz
         sine = max(1e-12, math.sqrt(ax * ax + ay * ay + az * az))
@@ -219,17 +239,18 @@ def distances(points: Array, vectors: Array, tau: Array, gravity: Array, state: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array) -> tuple[np.ndarray, float, np.ndarray]:
-    """Gauss-Newton with Tukey's weights; fills `state`, returns its covariance, the rms distance with each camera aligned, the offsets."""
-    size, n = len(state), len(points)
+def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array, enough: float) -> tuple[np.ndarray, float, np.ndarray]:
+    """Gauss-Newton with Tukey's weights until a step is shorter than `enough` m; fills `state`, returns its covariance, the rms distance
+    with each camera aligned, the offsets."""
+    size, n, cameras = len(state), len(points), len(vectors)
     scale = 3.0
-    w = np.empty(n)
-    h, g, row = np.empty((size, size)), np.empty(size), np.empty(7)
+    w, rays = np.empty(n), bearings(points, vectors)
+    h, g, row, of = np.empty((size, size)), np.empty(size), np.empty(7), np.empty((cameras, 7, 7))
     row[6] = -1.0
     for step in range(12):
-        r, j, outwards = distances(points, vectors, tau, gravity, state)
+        r, j, outwards = distances(points, rays, vectors, tau, gravity, state)
         scale = max(0.05, min(scale, 1.48 * np.median(np.abs(r))))
-        h[:], g[:] = 0.0, 0.0
+        h[:], g[:], of[:] = 0.0, 0.0, 0.0
         for c in range(6, size):
             h[c, c], g[c] = 1.0 / EDGE_PRIOR**2, state[c] / EDGE_PRIOR**2
         for i in range(n):
@@ -238,18 +259,23 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
             if w[i] == 0.0:
                 continue
             row[:6] = j[i]
-            mine = 6 + int(points[i, 0])
+            c = int(points[i, 0])
             force = w[i] / (scale * scale)
             for a in range(7):
-                p = a if a < 6 else mine
-                g[p] += force * row[a] * r[i]
-                for b in range(7):
-                    h[p, b if b < 6 else mine] += force * row[a] * row[b]
+                pull = force * row[a]
+                g[a if a < 6 else 6 + c] += pull * r[i]
+                for b in range(a + 1):
+                    of[c, a, b] += pull * row[b]
+        for c in range(cameras):
+            for a in range(7):
+                for b in range(a + 1):
+                    p, q = a if a < 6 else 6 + c, b if b < 6 else 6 + c
+                    h[p, q] += of[c, a, b]
+                    h[q, p] = h[p, q]
         delta = np.linalg.solve(h, g)
         state -= delta
-        if step > 2 and np.abs(delta[:3]).max() < 1e-6 and np.abs(delta[3:6]).max() < 1e-4:
+        if step > 2 and np.abs(delta[:3]).max() < enough and np.abs(delta[3:6]).max() < 100.0 * enough:
             break
-    cameras = len(vectors)
     m, b2 = np.zeros((cameras, 3)), np.zeros((cameras, 2))
     for i in range(n):
         c = int(points[i, 0])

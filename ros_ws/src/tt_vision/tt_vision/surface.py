@@ -19,7 +19,7 @@ from .light import LIMB, Lamps, Light, shade
 FULL = 0.55  # and above which it counts fully
 DIM = 0.15  # of the brightest light: below it marks drown in noise
 BORDER = 4  # pixels around the ball that are cut out with it
-SOFT = 2.0  # pixels, sigma of the blur for the coarse search
+SOFT = 1.0  # pixels of half the resolution, sigma of the blur for the coarse search
 DULL = 0.02  # variance of the marks, relative to white, below which the ball is taken as bare; 13 % of marks give 0.08
 
 
@@ -27,16 +27,16 @@ DULL = 0.02  # variance of the marks, relative to white, below which the ball is
 class Surface:
     """The ball's surface in every image of a burst, light divided out: white is 1, marks near 0.
 
-    marks, soft: (images, n, n) float32, cut out around the ball; `soft` is blurred, for coarse search. weights: (images, n, n), 0 where
-    nothing is known. views: (images, 23), as Camera.vector but with the ball's centre, aligned to its outline, in place of the translation
-    and the principal point counted from the cut's corner; then the unit vector from ball to camera in `table`. frame: (images,) which.
-    times: (frames,) s from the middle of the burst. contrast, soft_contrast: variances of `marks` and `soft`. stack: (images, n, n) float32
-    grey levels over the background, and normals: (images, n, n, 4), from which marks came by `light`.
+    marks: (images, n, n, 4) float32, cut out around the ball: brightness, its weight, 0 where nothing is known, and the slopes of the
+    brightness along row and column. soft: (images, n / 2, n / 2, 4), the same, blurred and of half the size, for coarse search. views:
+    (images, 23), as Camera.vector but with the ball's centre, aligned to its outline, in place of the translation and the principal point
+    counted from the cut's corner; then the unit vector from ball to camera in `table`. frame: (images,) which. times: (frames,) s from the
+    middle of the burst. contrast, soft_contrast: variances of the brightness in `marks` and `soft`. stack: (images, n, n) float32 grey
+    levels over the background, and normals: (images, n, n, 4), from which marks came by `light`.
     """
 
     marks: np.ndarray
     soft: np.ndarray
-    weights: np.ndarray
     views: Array
     frame: np.ndarray
     times: Array
@@ -46,11 +46,17 @@ class Surface:
     normals: np.ndarray
     light: Light
 
+    @property
+    def soft_views(self) -> Array:
+        """(images, 23), `views` of `soft`."""
+        views = self.views.copy()
+        views[:, 12:15] = 0.5 * views[:, 12:15] - [0.0, 0.25, 0.25]
+        return views
+
     def lit(self, light: Light) -> Surface:
         """Marks and weights under another light; `soft` is left as it is."""
         white, shine = shade(self.normals, self.views, light.harmonics, light.gloss, light.gains, light.lamps)
-        marks, weights = _divide(self.stack, self.normals, white, shine)
-        return replace(self, marks=marks, weights=weights, light=light)
+        return replace(self, marks=_sloped(*_divide(self.stack, self.normals, white, shine)), light=light)
 
     def at(self, positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Surface:
         """The same marks on a ball that is elsewhere, by a part of a pixel."""
@@ -73,7 +79,7 @@ def unwrap(
     lamps: where they are known; without them the light is fitted to the burst."""
     table, cuts = _views(positions, alignment, cameras), []
     reach = float((table[:, 12] * BALL_RADIUS / table[:, 11]).max())
-    size = 2 * (math.ceil(reach) + BORDER) + 1
+    size = 2 * (math.ceil(reach) + BORDER)
     count = len(positions)
     for m, view in enumerate(table):
         corner = [round(x) - size // 2 for x in project_point(view, *view[9:12])]
@@ -84,19 +90,12 @@ def unwrap(
     light = Light.of(stack, normals, table, cameras, lamps)
     white, shine = shade(normals, table, light.harmonics, light.gloss, light.gains, light.lamps)
     marks, weights = _divide(stack, normals, white, shine)
-    soft = np.empty_like(marks)
-    for m in range(len(marks)):
-        mass = cv2.GaussianBlur(weights[m], (0, 0), SOFT)
-        soft[m] = cv2.GaussianBlur(marks[m] * weights[m], (0, 0), SOFT) / np.maximum(mass, 1e-3)
+    half, mass = _halved(marks, weights)
+    sums = [cv2.GaussianBlur(sums.reshape(-1, size // 2), (0, 0), SOFT).reshape(mass.shape) for sums in (half, mass)]  # far enough apart
+    soft = sums[0] / np.maximum(sums[1], 1e-3)
     frame, from_middle = np.arange(len(table)) % count, np.asarray(times, dtype=np.float64)
-    contrast, soft_contrast = _variance(marks, weights), _variance(soft, weights)
-    return Surface(marks, soft, weights, table, frame, from_middle, contrast, soft_contrast, stack, normals, light)
-
-
-def _variance(values: np.ndarray, weights: np.ndarray) -> float:
-    total = max(float(weights.sum()), 1e-12)
-    mean = float((weights * values).sum()) / total
-    return float((weights * (values - mean) ** 2).sum()) / total
+    contrast, soft_contrast = _variance(marks, weights), _variance(soft, mass)
+    return Surface(_sloped(marks, weights), _sloped(soft, mass), table, frame, from_middle, contrast, soft_contrast, stack, normals, light)
 
 
 def _views(positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Array:
@@ -124,7 +123,7 @@ def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _normals(size: int, views: Array) -> np.ndarray:
     """(images, size, size, 4) float32: outward unit normal in the camera's frame and its cosine to the line of sight; 0 off the ball."""
-    out = np.zeros((len(views), size, size, 4), dtype=np.float32)
+    out, per_radius = np.zeros((len(views), size, size, 4), dtype=np.float32), 1.0 / BALL_RADIUS
     for m in range(len(views)):
         view = views[m]
         cx, cy, cz = view[9], view[10], view[11]
@@ -132,18 +131,17 @@ def _normals(size: int, views: Array) -> np.ndarray:
         for j in range(size):
             for i in range(size):
                 x, y = ray(view, i, j)
-                scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
-                x, y, z = x * scale, y * scale, scale
-                along = x * cx + y * cy + z * cz
-                gap = along * along - square
+                length2 = x * x + y * y + 1.0
+                along = x * cx + y * cy + cz
+                gap = along * along - length2 * square
                 if gap <= 0.0:
                     continue
                 root = math.sqrt(gap)
-                reach = along - root
-                out[m, j, i, 0] = (reach * x - cx) / BALL_RADIUS
-                out[m, j, i, 1] = (reach * y - cy) / BALL_RADIUS
-                out[m, j, i, 2] = (cz - reach * z) / BALL_RADIUS
-                out[m, j, i, 3] = root / BALL_RADIUS
+                reach = (along - root) / length2
+                out[m, j, i, 0] = (reach * x - cx) * per_radius
+                out[m, j, i, 1] = (reach * y - cy) * per_radius
+                out[m, j, i, 2] = (cz - reach) * per_radius
+                out[m, j, i, 3] = root / math.sqrt(length2) * per_radius
     return out
 
 
@@ -162,3 +160,44 @@ def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, shine: np
                 seen = min(1.0, max(0.0, (cosine - LIMB) / (FULL - LIMB)))
                 weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (light / 0.5) ** 2)
     return marks, weights
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _variance(values: np.ndarray, weights: np.ndarray) -> float:
+    total, first, second = 1e-12, 0.0, 0.0
+    flat, mass = values.ravel(), weights.ravel()
+    for i in range(len(flat)):
+        from_white, weight = flat[i] - 1.0, mass[i]
+        total, first, second = total + weight, first + weight * from_white, second + weight * from_white * from_white
+    return (second - first * first / total) / total
+
+
+@njit(cache=True, nogil=True)
+def _halved(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(images, size / 2, size / 2): weighted sum of values, and mean weight, of four pixels each, as four quarters."""
+    half, quarter = values.shape[1] // 2, np.float32(0.25)
+    sums, mass = np.empty((len(values), half, half), dtype=np.float32), np.empty((len(values), half, half), dtype=np.float32)
+    for m in range(len(values)):
+        for j in range(half):
+            for i in range(half):
+                total, weight = np.float32(0.0), np.float32(0.0)
+                for v in range(2 * j, 2 * j + 2):
+                    for u in range(2 * i, 2 * i + 2):
+                        total += weights[m, v, u] * values[m, v, u]
+                        weight += weights[m, v, u]
+                sums[m, j, i], mass[m, j, i] = quarter * total, quarter * weight
+    return sums, mass
+
+
+@njit(cache=True, nogil=True)
+def _sloped(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(images, size, size, 4), Surface.marks. Central differences: interpolated like the value they are smooth from pixel to pixel."""
+    out, size = np.zeros((*values.shape, 4), dtype=np.float32), values.shape[1]
+    half = np.float32(0.5)
+    for m in range(len(values)):
+        for j in range(1, size - 1):
+            for i in range(1, size - 1):
+                out[m, j, i, 0], out[m, j, i, 1] = values[m, j, i], weights[m, j, i]
+                out[m, j, i, 2] = half * (values[m, j, i + 1] - values[m, j, i - 1])
+                out[m, j, i, 3] = half * (values[m, j + 1, i] - values[m, j - 1, i])
+    return out
