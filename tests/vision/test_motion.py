@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tt_core.constants import BALL_RADIUS, GRAVITY
 from tt_vision.centre import find_ball
 from tt_vision.motion import bearings, distances, fit_motion
@@ -102,3 +103,17 @@ def test_a_camera_out_of_place_is_told_by_the_offsets(film):
     offsets = fit(shot, (shot.cameras[0], shifted)).offsets
     # one pixel of height between the cameras is nobody's position: they share it
     assert offsets[:, 1] == pytest.approx([0.5, -0.5], abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(5, 9))
+def test_a_camera_that_is_a_bit_elsewhere_changes_no_velocity(film, seed):
+    """0.03 deg and 0.3 mm: half a pixel to a pixel aside, in all frames alike, is an offset and no motion."""
+    shot = film(seed)
+    left, right = shot.cameras
+    turn = Rotation.from_rotvec(np.radians([0.03, -0.02, 0.01])).as_matrix()
+    moved = dataclasses.replace(left, rotation=turn @ left.rotation, translation=left.translation + [2e-4, -3e-4, 1e-4])
+    true, off = fit(shot), fit(shot, (moved, right))
+    assert np.linalg.norm(off.velocity - true.velocity) < 0.015  # m/s; 0.008 at most of these, 0.025 to 0.04 with the offsets left in
+    assert 0.2 < np.abs(off.offsets).max() < 2.0
+    assert np.abs(true.offsets).max() < 0.1
+    assert off.residual < true.residual + 0.05  # pixels; 0.02, and 0.16 to 0.35

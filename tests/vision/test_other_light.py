@@ -73,4 +73,5 @@ def test_what_is_no_ball_is_refused_by_name(painted, reason, change):
 def test_a_spin_that_only_one_camera_agrees_to_is_refused():
     """The left camera sees a dim ball, the right one a bright one with bold marks: light fitted to those would leave the left one out."""
     (dim, times, _, easel), (bold, *_) = paint(30), paint(29)
-    assert "do not agree" in measure(dim[0], bold[1], times, easel.cameras).reason
+    reason = measure(dim[0], bold[1], times, easel.cameras).reason
+    assert "do not agree" in reason or "same ball" in reason

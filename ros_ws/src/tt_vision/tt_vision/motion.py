@@ -52,9 +52,8 @@ class Motion:
 
     @property
     def alignment(self) -> Array:
-        """(cameras, 2) pixels, the part of `offsets` that is believed: outlines alone make 0.05 pixels, a calibration that is off 0.3."""
-        square = (self.offsets**2).sum(axis=1, keepdims=True)
-        return np.asarray(self.offsets * square / (square + DOUBT**2))
+        """(cameras, 2) pixels, the part of `offsets` that is believed."""
+        return believed(self.offsets)
 
     def positions(self, times: Array) -> Array:
         """(n, 3) m at `times` (n,) s."""
@@ -76,6 +75,12 @@ class Motion:
         )
 
 
+def believed(offsets: Array) -> Array:
+    """(cameras, 2) pixels, the part of offsets (cameras, 2) that is the calibration's: outlines alone make 0.05, one that is off 0.3."""
+    square = (offsets**2).sum(axis=1, keepdims=True)
+    return np.asarray(offsets * square / (square + DOUBT**2))
+
+
 def fit_motion(
     frames: Sequence[Sequence[Image]],
     spots: Sequence[Sequence[Spot]],
@@ -83,7 +88,8 @@ def fit_motion(
     cameras: Sequence[Camera],
     acceleration: Array = (0.0, 0.0, -GRAVITY),  # type: ignore[assignment]
 ) -> Motion:
-    """Least squares over all outline points, each camera with one unknown edge shift; outliers such as marks on the limb left out.
+    """Least squares over all outline points, each camera with one unknown edge shift; outliers such as marks on the limb left out. What a
+    camera has aside in all frames alike is taken off in the next fit: a calibration that is off is no motion.
 
     frames, spots: [camera][frame], with a whole ball in each. times: (k,) s. acceleration: (3,) m/s^2.
     The outline is where the rays touch the sphere of known radius, so perspective is exact. The state returned is that of the last frame.
@@ -92,11 +98,12 @@ def fit_motion(
     vectors = np.array([camera.vector for camera in cameras])
     tau = np.asarray(times) - np.mean(times)
     gravity = np.array(acceleration, dtype=np.float64)
-    state = np.zeros(6 + len(cameras))
+    state, offsets = np.zeros(6 + len(cameras)), np.zeros((len(cameras), 2))
     state[:6] = _start(spots, tau, cameras, gravity)
     for reach, enough in ((0.35, ROUGHLY), (0.0, ENOUGH)):
         points = _outlines(frames, spots, tau, vectors, state, gravity, reach)
-        motion = _solved(points, vectors, times, tau, cameras, gravity, state, False, enough)
+        motion = _solved(points, vectors, times, tau, cameras, gravity, state, offsets, False, enough)
+        offsets = motion.offsets
     return motion
 
 
@@ -106,7 +113,7 @@ def refit(motion: Motion, points: Array, times: Array, cameras: Sequence[Camera]
     vectors, tau = np.array([camera.vector for camera in cameras]), np.asarray(times) - np.mean(times)
     state = np.concatenate([motion.positions(np.array([np.mean(times)]))[0], motion.velocity - tau[-1] * motion.acceleration, motion.edges])
     before = state[:3].copy()
-    found = _solved(points, vectors, times, tau, cameras, motion.acceleration, state, known)
+    found = _solved(points, vectors, times, tau, cameras, motion.acceleration, state, motion.offsets, known)
     return found if known or motion.residual > VAGUE else replace(found, position=found.position + (1.0 - TRUST) * (before - state[:3]))
 
 
@@ -118,14 +125,15 @@ def _solved(
     cameras: Sequence[Camera],
     gravity: Array,
     state: Array,
+    offsets: Array,
     known: bool,
     enough: float = ENOUGH,
 ) -> Motion:
-    """The least squares from `state` (6 + cameras,), which takes the result. Raises TtError."""
+    """The least squares from `state` (6 + cameras,), which takes the result, and `offsets` as far as they are believed. Raises TtError."""
     if len(points) < LEAST_POINTS * len(tau) * len(cameras):
         raise TtError(f"{len(points)} outline points in {len(tau) * len(cameras)} images")
     try:
-        covariance, residual, offsets = _fit(points, vectors, tau, gravity, state, enough)
+        covariance, residual, offsets = _fit(points, vectors, tau, gravity, state, believed(offsets), enough)
     except np.linalg.LinAlgError:
         raise TtError("the outlines are of no ball that both cameras see") from None
     if np.abs(offsets).max() > FAR:
@@ -239,9 +247,11 @@ def distances(points: Array, rays: Array, vectors: Array, tau: Array, gravity: A
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array, enough: float) -> tuple[np.ndarray, float, np.ndarray]:
-    """Gauss-Newton with Tukey's weights until a step is shorter than `enough` m; fills `state`, returns its covariance, the rms distance
-    with each camera aligned, the offsets."""
+def _fit(
+    points: Array, vectors: Array, tau: Array, gravity: Array, state: Array, aside: Array, enough: float
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Gauss-Newton with Tukey's weights until a step is shorter than `enough` m, each camera's points moved back by `aside` (cameras, 2);
+    fills `state`, returns its covariance, the rms distance with each camera aligned, the offsets."""
     size, n, cameras = len(state), len(points), len(vectors)
     scale = 3.0
     w, rays = np.empty(n), bearings(points, vectors)
@@ -249,6 +259,9 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
     row[6] = -1.0
     for step in range(12):
         r, j, outwards = distances(points, rays, vectors, tau, gravity, state)
+        for i in range(n):
+            c = int(points[i, 0])
+            r[i] -= aside[c, 0] * outwards[i, 0] + aside[c, 1] * outwards[i, 1]
         scale = max(0.05, min(scale, 1.48 * np.median(np.abs(r))))
         h[:], g[:], of[:] = 0.0, 0.0, 0.0
         for c in range(6, size):
@@ -296,4 +309,4 @@ def _fit(points: Array, vectors: Array, tau: Array, gravity: Array, state: Array
         rest = r[i] - offsets[c, 0] * outwards[i, 0] - offsets[c, 1] * outwards[i, 1]
         error += w[i] * rest * rest
         total += w[i]
-    return np.linalg.inv(h) * (error / total / scale**2), math.sqrt(error / total), offsets
+    return np.linalg.inv(h) * (error / total / scale**2), math.sqrt(error / total), aside + offsets
