@@ -75,3 +75,11 @@ def test_a_spin_that_only_one_camera_agrees_to_is_refused():
     (dim, times, _, easel), (bold, *_) = paint(30), paint(29)
     reason = measure(dim[0], bold[1], times, easel.cameras).reason
     assert "do not agree" in reason or "same ball" in reason
+
+
+@pytest.mark.parametrize("seed", [138, 263])
+def test_marks_on_one_percent_of_the_ball_are_enough(seed):
+    frames, times, ball, easel = paint(seed)
+    found = measure(*frames, times, easel.cameras).ball
+    assert found is not None
+    assert np.linalg.norm(found.spin - ball.spin) / RPM < 60.0  # 11 and 17

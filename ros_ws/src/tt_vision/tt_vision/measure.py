@@ -115,7 +115,7 @@ def _fit(
         spin, motion = spin_and_motion(frames, times, cameras, motion, spots, lamps, search)
     except TtError as error:
         return motion, None, f"no ball: {error}"
-    return motion, spin, spin.reason
+    return motion, spin, spin.reason or _doubt(motion)
 
 
 def _doubt(motion: Motion) -> str | None:
