@@ -33,7 +33,7 @@ def test_a_goal_is_asked_for():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"robot": Robot(latency=1.5)}, "arm: no swing"),
+        ({"robot": Robot(latency=1.5)}, "arm: 0: the strike is"),
         ({"robot": Robot(latency=0.4)}, "arm: 0: the strike is"),
         ({"robot": Robot(intercept=InterceptParams(z_low=2.0, z_high=3.0))}, "no stroke: the ball does not come within reach"),
         ({"robot": Robot(intercept=InterceptParams(racket_speed=0.1))}, "no stroke: racket speed"),

@@ -1,7 +1,8 @@
 """Balls from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
 
-With images the arm is played tick by tick under its guard. Without, `sight` says what is measured and `swift` plays the swing. At a rate
-one arm plays a session of balls, tick by tick, and meets each from where the ones before have left it.
+With images the ball is measured from them; without, `sight` says what is measured. `swift` plays the swing, or where the guard or the motors
+would have a say, the ticks are played. At a rate one arm plays a session of balls, tick by tick, and meets each from where the ones before
+have left it.
 """
 
 from __future__ import annotations
@@ -275,7 +276,7 @@ def play(scenario: Scenario, seed: int) -> Episode:
         return session(scenario, seed // scenario.balls)[seed % scenario.balls]
     trial = Trial.drawn(scenario, seed)
     plan, control, plant = Plan.of(trial), _control(scenario.robot), Plant(_arm(), scenario.world.plant)
-    done = None if scenario.images else _swiftly(trial, control, plant, plan)
+    done = _swiftly(trial, control, plant, plan)
     return _episode(trial, plan, *done) if done else _tick_by_tick([trial], [plan], control, plant, trial.rng)[0]
 
 
