@@ -1,8 +1,8 @@
 """Balls from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
 
-With images the ball is measured from them; without, `sight` says what is measured. `swift` plays the swing, or where the guard or the motors
-would have a say, the ticks are played. At a rate one arm plays a session of balls, tick by tick, and meets each from where the ones before
-have left it.
+With images the ball is measured from them; without, `sight` says what is measured. `swift` plays the swing; where the guard or the motors
+would have a say, the ticks are played. At a rate one arm plays a session of balls, tick by tick, and meets each from where the ones
+before have left it.
 """
 
 from __future__ import annotations
