@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import NotFinite, OutOfRange
 from tt_core.states import BallState
-from tt_sim.render import Lamp, Lamps, Noise, Texture, render
+from tt_sim.render import Lamp, Lamps, Noise, Texture, _axes, _corners, _pixel, render
 from tt_vision.rig import EXPOSURE, VIEW_CENTRE, high_speed_pair
 
 CAMERAS = high_speed_pair()
@@ -99,6 +99,19 @@ def test_light_falls_with_the_square_of_the_distance():
         lamp = Lamp(tuple(AT + away / np.linalg.norm(away) * (distance + BALL_RADIUS)), 0.2, flicker=0.0)
         greys.append(picture(ball(), texture=Texture(PLAIN.albedo, 0.0), lamps=Lamps((lamp,), 0.0, 0.0))[114:118, 114:118].mean())
     assert greys[0] / greys[1] == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize("distortion", [None, (-0.2, 0.05, 1e-3, -1e-3)])
+def test_rays_are_linear_within_a_pixel(distortion):
+    camera = dataclasses.replace(CAMERAS[0], distortion=distortion)
+    axes = _axes(camera.vector, ball().vector)
+    corners = _corners(camera.vector, axes, (0, camera.width, 0, camera.height))
+    rng = np.random.default_rng(0)
+    for u, v in rng.integers(0, 232, (200, 2)):
+        a, b = rng.uniform(size=2)
+        x, y = ([1.0, a, b] @ np.array(_pixel(corners, v, u, k)) for k in (0, 1))
+        seen = camera.project((camera.position + np.array([x, y, 1.0]) @ axes)[None])[0]
+        assert seen == pytest.approx([u - 0.5 + a, v - 0.5 + b], abs=1e-4)  # pixels; 2e-5 at most on the day
 
 
 def test_sixteen_rays_are_enough():

@@ -1,4 +1,9 @@
-"""What a camera sees of a marked ball: rays on a sphere, motion blur, lens blur, noise."""
+"""What a camera sees of a marked ball: rays on a sphere, motion blur, lens blur, noise.
+
+The kernels of the pixels are single precision and loop over the rays of a pixel without a branch, so that the compiler makes vectors of
+them: it takes one array to read, one to write, and constants for the distances within them. They look along the line of sight to the ball
+and measure in its radii, where all that a ray needs is near 1.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +14,21 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from scipy.spatial.transform import Rotation
+from scipy.special import ndtri
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.states import Array, BallState
-from tt_vision.camera import Camera, ray
+from tt_vision.camera import Camera, project_point, ray
 
 SAMPLES = 16  # rays a pixel, each at its own instant of the exposure: 0.5 grey levels rms
 FACE = 256  # texels along one face of the cube of a texture, 0.2 pixels in the image
 SHARPNESS = 5  # doublings of the cosine power of the specular lobe: cos^32, a lobe of 20 deg as of matt celluloid
+
+ROW = 2 * SAMPLES  # of the table of instants, which is there twice, so that a pixel begins at any of them
+ZERO, HALF, ONE, TWO = (np.float32(x) for x in (0.0, 0.5, 1.0, 2.0))  # a plain number would make all double
+GOLDEN = (np.outer([0.7548776662466927, 0.5698402909980532], np.arange(1, SAMPLES + 1)) % 1.0).astype(np.float32)  # sub-pixel places
+LEVELS = 1 << 16
+NORMAL = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)  # a normal draw for each of as many even ones, up to 4.3 sigma
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -187,20 +198,22 @@ def render(
     turn = check_array("orientation", orientation, (3, 3))
     check_range("exposure", exposure, 0.0, 0.1)
     clear = np.full((camera.height, camera.width), lamps.background, dtype=np.float32)
-    box = _box(camera, ball, exposure)
-    if box is not None:
+    vector, state = camera.vector, ball.vector
+    box = _box(vector, clear.shape, state, exposure)
+    drawn = 3 * (box[1] - box[0]) * (box[3] - box[2])  # numbers that its rays take
+    draws = rng.integers(2**64 - 1, size=(drawn + clear.size) // 4 + 1, dtype=np.uint64, endpoint=True).view(np.uint16)  # four of each
+    if drawn:
         sources = np.array([(*lamp.position, lamp.strength * _ripple(lamp, ball.time)) for lamp in lamps.lamps]).reshape(-1, 4)
-        vector = camera.vector
-        state = np.concatenate([ball.position, ball.velocity])
-        instants = exposure * ((np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5)
-        turns = Rotation.from_rotvec(np.outer(instants, ball.spin)).as_matrix() @ turn
-        shifts = rng.random((box[3] - box[2], box[1] - box[0], 3), dtype=np.float32)
-        _trace(clear, box, vector, state, turns, texture.albedo, texture.gloss, sources, lamps.ambient, exposure, shifts)
+        axes = _axes(vector, state)
+        instants = _instants(vector, state, turn, axes, exposure)
+        lights = _lights(vector, axes, sources)
+        spread = 1.0 + 0.5 * exposure * float(np.linalg.norm(ball.velocity)) / BALL_RADIUS  # radii, from the middle to the end of the blur
+        corners = _corners(vector, axes, box)
+        _trace(clear, box, corners, spread, instants, texture.albedo.ravel(), texture.gloss, lights, lamps.ambient, draws[:drawn])
         if noise.lens_blur > 0.0:
             _blur(clear, box, _kernel(noise.lens_blur))
-    top = (1 << noise.bits) - 1
     image = np.empty(clear.shape, dtype=np.uint8 if noise.bits <= 8 else np.uint16)
-    _expose(image, clear, rng.standard_normal(clear.shape, dtype=np.float32), noise.full_scale, noise.read, noise.gamma, top)
+    _expose(image.ravel(), clear.ravel(), draws[drawn:], noise.full_scale, noise.read, noise.gamma, (1 << noise.bits) - 1)
     return image
 
 
@@ -208,138 +221,182 @@ def _ripple(lamp: Lamp, time: float) -> float:
     return 1.0 + lamp.flicker * math.sin(2.0 * math.pi * lamp.ripple * time)
 
 
+@functools.cache
 def _kernel(sigma: float) -> npt.NDArray[np.float32]:
     reach = max(1, math.ceil(3.0 * sigma))
     taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     return (taps / taps.sum()).astype(np.float32)
 
 
-def _box(camera: Camera, ball: BallState, exposure: float) -> npt.NDArray[np.int64] | None:
-    """(4,) first and past-last column and row that the ball can touch, or None when it is out of view."""
-    ends = ball.position + np.outer([-0.5, 0.5], exposure * ball.velocity)
-    depth = (ends @ camera.rotation.T + camera.translation)[:, 2].min()
-    if depth < 2.0 * BALL_RADIUS:
-        return None
-    reach = 1.1 * camera.focal_pixels * BALL_RADIUS / depth + 3.0
-    pixels = camera.project(ends)
-    size = np.array([camera.width, camera.height])
-    low = np.clip(np.floor(pixels.min(axis=0) - reach), 0, size)
-    high = np.clip(np.ceil(pixels.max(axis=0) + reach) + 1, 0, size)
-    if (low >= high).any():
-        return None
-    return np.array([low[0], high[0], low[1], high[1]], dtype=np.int64)
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _albedo(faces: np.ndarray, x: float, y: float, z: float) -> float:
-    n = faces.shape[1]
-    ax, ay, az = abs(x), abs(y), abs(z)
-    if ax >= ay and ax >= az:
-        face, u, v, w = 0, y, z, x
-    elif ay >= az:
-        face, u, v, w = 2, z, x, y
-    else:
-        face, u, v, w = 4, x, y, z
-    if w < 0.0:
-        face += 1
-        w = -w
-    i = min(n - 1, int((u / w + 1.0) * 0.5 * n))
-    j = min(n - 1, int((v / w + 1.0) * 0.5 * n))
-    return faces[face, i, j]
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _trace(
-    clear: np.ndarray,
-    box: np.ndarray,
-    camera: np.ndarray,
-    state: np.ndarray,
-    turns: np.ndarray,
-    faces: np.ndarray,
-    gloss: float,
-    sources: np.ndarray,
-    ambient: float,
-    exposure: float,
-    shifts: np.ndarray,
-) -> None:
-    """Fills the box of `clear`, which holds the background. Sub-pixel positions follow the golden sequence in the plane and instants are
-    evenly spaced, both shifted at random in each pixel: together even over pixel and time."""
-    r = camera[:9].copy().reshape(3, 3)
-    eye = -(r.T @ camera[9:12])
-    samples = len(turns)
-    instants = exposure * ((np.arange(samples) + 0.5) / samples - 0.5)
-    centres = np.empty((samples, 4))
-    for i in range(samples):
-        for a in range(3):
-            centres[i, a] = state[a] + instants[i] * state[3 + a] - eye[a]
-        centres[i, 3] = centres[i, 0] ** 2 + centres[i, 1] ** 2 + centres[i, 2] ** 2 - BALL_RADIUS**2
-    middle = state[:3] - eye
-    far = math.sqrt(middle @ middle)
-    middle /= far
-    wide = (BALL_RADIUS + 0.5 * exposure * math.sqrt(state[3:] @ state[3:])) / far + 2.0 / camera[12]
-    skip = math.cos(1.01 * wide)
-    for row in range(box[2], box[3]):
-        for column in range(box[0], box[1]):
-            x, y = ray(camera, column, row)
-            scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
-            towards = 0.0
-            for a in range(3):
-                towards += (r[0, a] * x + r[1, a] * y + r[2, a]) * scale * middle[a]
-            if towards < skip:
-                continue  # two pixels beside the blurred ball
-            shift_u, shift_v = shifts[row - box[2], column - box[0], 0], shifts[row - box[2], column - box[0], 1]
-            i = int(shifts[row - box[2], column - box[0], 2] * samples)
-            total = 0.0
-            for _ in range(samples):
-                shift_u += 0.7548776662466927
-                shift_v += 0.5698402909980532
-                shift_u -= 1.0 if shift_u >= 1.0 else 0.0
-                shift_v -= 1.0 if shift_v >= 1.0 else 0.0
-                i = i + 1 if i + 1 < samples else 0
-                x, y = ray(camera, column - 0.5 + shift_u, row - 0.5 + shift_v)
-                scale = 1.0 / math.sqrt(x * x + y * y + 1.0)
-                dx = (r[0, 0] * x + r[1, 0] * y + r[2, 0]) * scale
-                dy = (r[0, 1] * x + r[1, 1] * y + r[2, 1]) * scale
-                dz = (r[0, 2] * x + r[1, 2] * y + r[2, 2]) * scale
-                along = dx * centres[i, 0] + dy * centres[i, 1] + dz * centres[i, 2]
-                gap = along * along - centres[i, 3]
-                if gap <= 0.0:
-                    total += clear[row, column]
-                    continue
-                reach = along - math.sqrt(gap)
-                hx, hy, hz = reach * dx, reach * dy, reach * dz  # from the eye
-                nx = (hx - centres[i, 0]) / BALL_RADIUS
-                ny = (hy - centres[i, 1]) / BALL_RADIUS
-                nz = (hz - centres[i, 2]) / BALL_RADIUS
-                albedo = _albedo(
-                    faces,
-                    turns[i, 0, 0] * nx + turns[i, 1, 0] * ny + turns[i, 2, 0] * nz,
-                    turns[i, 0, 1] * nx + turns[i, 1, 1] * ny + turns[i, 2, 1] * nz,
-                    turns[i, 0, 2] * nx + turns[i, 1, 2] * ny + turns[i, 2, 2] * nz,
-                )
-                light, shine = ambient, 0.0
-                for k in range(len(sources)):
-                    lx = sources[k, 0] - eye[0] - hx
-                    ly = sources[k, 1] - eye[1] - hy
-                    lz = sources[k, 2] - eye[2] - hz
-                    facing = nx * lx + ny * ly + nz * lz
-                    if facing <= 0.0:
-                        continue
-                    near = 1.0 / (lx * lx + ly * ly + lz * lz)
-                    scale = math.sqrt(near)
-                    power = sources[k, 3] * near
-                    light += power * facing * scale
-                    bx, by, bz = lx * scale - dx, ly * scale - dy, lz * scale - dz  # half way between lamp and eye
-                    lobe = (nx * bx + ny * by + nz * bz) ** 2 / (bx * bx + by * by + bz * bz)
-                    for _ in range(SHARPNESS - 1):
-                        lobe *= lobe
-                    shine += power * lobe
-                total += albedo * light + gloss * shine
-            clear[row, column] = total / samples
+@njit(cache=True, nogil=True)
+def _box(camera: np.ndarray, size: tuple[int, int], state: np.ndarray, exposure: float) -> tuple[int, int, int, int]:
+    """First and past-last column and row that the ball can touch, the same ones when it is out of view. size: rows, columns."""
+    low, high, nearest = np.full(2, np.inf), np.full(2, -np.inf), np.inf
+    for side in (-0.5, 0.5):
+        p = camera[:9].copy().reshape(3, 3) @ (state[:3] + side * exposure * state[3:6]) + camera[9:12]
+        if p[2] < 2.0 * BALL_RADIUS:
+            return 0, 0, 0, 0
+        nearest = min(nearest, p[2])
+        for k, at in enumerate(project_point(camera, p[0], p[1], p[2])):
+            low[k], high[k] = min(low[k], at), max(high[k], at)
+    reach = 1.1 * camera[12] * BALL_RADIUS / nearest + 3.0
+    u0, v0 = max(0, math.floor(low[0] - reach)), max(0, math.floor(low[1] - reach))
+    u1, v1 = min(size[1], math.ceil(high[0] + reach) + 1), min(size[0], math.ceil(high[1] + reach) + 1)
+    return (u0, u1, v0, v1) if u0 < u1 and v0 < v1 else (0, 0, 0, 0)
 
 
 @njit(cache=True, nogil=True)
-def _blur(clear: np.ndarray, box: np.ndarray, taps: np.ndarray) -> None:
+def _axes(camera: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """(3, 3) `table` to the frame of the sight: z towards the middle of the ball (9,)."""
+    r = camera[:9].copy().reshape(3, 3)
+    z = state[:3] + r.T @ camera[9:12]
+    z /= math.sqrt(z @ z)
+    x = np.cross(r[1], z)
+    x /= math.sqrt(x @ x)
+    axes = np.empty((3, 3))
+    axes[0], axes[1], axes[2] = x, np.cross(z, x), z
+    return axes
+
+
+@njit(cache=True, nogil=True)
+def _corners(camera: np.ndarray, axes: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
+    """(rows + 1, columns + 1, 2) X/Z and Y/Z, in the frame of the sight, of the rays through the corners of the pixels of the box."""
+    turn = axes @ camera[:9].copy().reshape(3, 3).T
+    corners = np.empty((box[3] - box[2] + 1, box[1] - box[0] + 1, 2))
+    for v in range(corners.shape[0]):
+        for u in range(corners.shape[1]):
+            x, y = ray(camera, box[0] + u - 0.5, box[2] + v - 0.5)
+            z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2]
+            corners[v, u, 0] = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2]) / z
+            corners[v, u, 1] = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2]) / z
+    return corners
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _pixel(corners: np.ndarray, v: int, u: int, k: int) -> tuple[float, float, float]:
+    """X/Z (k = 0) or Y/Z (1) of the ray through the first corner of a pixel, and how it grows along the pixel's row and its column: within
+    the pixel it is linear to 1e-5 pixels."""
+    a, b, c, d = corners[v, u, k], corners[v, u + 1, k], corners[v + 1, u, k], corners[v + 1, u + 1, k]
+    along, down = 0.5 * (b + d - a - c), 0.5 * (c + d - a - b)
+    return 0.25 * (a + b + c + d) - 0.5 * (along + down), along, down
+
+
+@njit(cache=True, nogil=True)
+def _rotation(turn: np.ndarray) -> np.ndarray:
+    """(3, 3) of a rotation vector (3,) rad, by Rodrigues' formula."""
+    angle = math.sqrt(turn @ turn)
+    s, c = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-6 else (1.0, 0.5)
+    x, y, z = turn
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + s * cross + c * (cross @ cross)
+
+
+@njit(cache=True, nogil=True)
+def _instants(camera: np.ndarray, state: np.ndarray, turn: np.ndarray, axes: np.ndarray, exposure: float) -> np.ndarray:
+    """(12 * ROW,) evenly spaced over the exposure: rows of the ball's centre from the eye, and of the rotation from the sight's frame
+    to the ball's."""
+    eye = -(camera[:9].copy().reshape(3, 3).T @ camera[9:12])
+    table = np.empty((12, ROW), dtype=np.float32)
+    for i in range(ROW):
+        time = exposure * ((i % SAMPLES + 0.5) / SAMPLES - 0.5)
+        table[:3, i] = axes @ (state[:3] + time * state[3:6] - eye) / BALL_RADIUS
+        table[3:, i] = (turn.T @ _rotation(-time * state[6:]) @ axes.T).ravel()
+    return table.ravel()
+
+
+@njit(cache=True, nogil=True)
+def _lights(camera: np.ndarray, axes: np.ndarray, sources: np.ndarray) -> np.ndarray:
+    """(lamps, 4) places from the eye in the frame of the sight, and strengths; sources: the same in `table`."""
+    eye = -(camera[:9].copy().reshape(3, 3).T @ camera[9:12])
+    lights = np.empty(sources.shape, dtype=np.float32)
+    for k in range(len(sources)):
+        lights[k, :3], lights[k, 3] = axes @ (sources[k, :3] - eye) / BALL_RADIUS, sources[k, 3] / BALL_RADIUS**2
+    return lights
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _trace(
+    clear: np.ndarray,
+    box: tuple[int, int, int, int],
+    corners: np.ndarray,
+    spread: float,
+    instants: np.ndarray,
+    faces: np.ndarray,
+    gloss: float,
+    lights: np.ndarray,
+    ambient: float,
+    draws: np.ndarray,
+) -> None:
+    """Fills the box of `clear`, which holds the background. Sub-pixel places follow the golden sequence in the plane and instants are
+    evenly spaced, both shifted at random in each pixel, by three draws: together even over pixel and time."""
+    n = np.int32(round(math.sqrt(len(faces) / 6)))
+    half = np.float32(0.5 * n)
+    shine, around, unit = np.float32(gloss), np.float32(ambient), np.float32(1.0 / LEVELS)
+    across = corners[0, 1, 0] - corners[0, 0, 0]
+    skip = (1.01 * spread / instants[ROW * 2] + 2.0 * across) ** 2
+    work, texel = np.empty(7 * SAMPLES, dtype=np.float32), np.empty(SAMPLES, dtype=np.int32)
+    draw = 0
+    for row in range(box[3] - box[2]):
+        for column in range(box[1] - box[0]):
+            x0, xu, xv = _pixel(corners, row, column, 0)
+            y0, yu, yv = _pixel(corners, row, column, 1)
+            shift_u, shift_v = unit * np.float32(draws[draw]), unit * np.float32(draws[draw + 1])
+            first = draws[draw + 2] % SAMPLES
+            draw += 3
+            if x0 * x0 + y0 * y0 > skip:
+                continue  # two pixels beside the blurred ball
+            background = clear[box[2] + row, box[0] + column]
+            xa, xb, xc, ya, yb, yc = np.float32(x0), np.float32(xu), np.float32(xv), np.float32(y0), np.float32(yu), np.float32(yv)
+            now = instants[first:]
+            for i in range(SAMPLES):
+                u, v = shift_u + GOLDEN[0, i], shift_v + GOLDEN[1, i]
+                u -= ONE if u >= ONE else ZERO
+                v -= ONE if v >= ONE else ZERO
+                x, y = xa + u * xb + v * xc, ya + u * yb + v * yc  # the ray is (x, y, 1)
+                px, py = x * now[2 * ROW + i] - now[i], y * now[2 * ROW + i] - now[ROW + i]  # from the centre to where it passes there
+                square, slope = ONE + x * x + y * y, px * x + py * y
+                gap = slope * slope - square * (px * px + py * py - ONE)
+                nz = -(slope + math.sqrt(max(gap, ZERO))) / square
+                nx, ny = px + nz * x, py + nz * y
+                bx = now[3 * ROW + i] * nx + now[4 * ROW + i] * ny + now[5 * ROW + i] * nz
+                by = now[6 * ROW + i] * nx + now[7 * ROW + i] * ny + now[8 * ROW + i] * nz
+                bz = now[9 * ROW + i] * nx + now[10 * ROW + i] * ny + now[11 * ROW + i] * nz
+                on_x, on_y = (abs(bx) >= abs(by)) & (abs(bx) >= abs(bz)), abs(by) >= abs(bz)
+                a = by if on_x else (bz if on_y else bx)
+                b = bz if on_x else (bx if on_y else by)
+                c = bx if on_x else (by if on_y else bz)
+                face = (np.int32(0) if on_x else (np.int32(2) if on_y else np.int32(4))) + np.int32(c < ZERO)
+                scale = half / abs(c)
+                at_a, at_b = min(n - np.int32(1), np.int32(a * scale + half)), min(n - np.int32(1), np.int32(b * scale + half))
+                texel[i] = (face * n + at_a) * n + at_b
+                work[i], work[SAMPLES + i], work[2 * SAMPLES + i] = nx, ny, nz
+                work[3 * SAMPLES + i], work[4 * SAMPLES + i], work[5 * SAMPLES + i] = x, y, gap
+            total = ZERO
+            for i in range(SAMPLES):
+                work[6 * SAMPLES + i] = faces[texel[i]]
+            for i in range(SAMPLES):
+                grey = around * work[6 * SAMPLES + i] if work[5 * SAMPLES + i] > ZERO else background
+                total += grey
+            for k in range(len(lights)):
+                for i in range(SAMPLES):
+                    nx, ny, nz, x, y = work[i], work[SAMPLES + i], work[2 * SAMPLES + i], work[3 * SAMPLES + i], work[4 * SAMPLES + i]
+                    lx = lights[k, 0] - now[i] - nx  # from the surface to the lamp
+                    ly = lights[k, 1] - now[ROW + i] - ny
+                    lz = lights[k, 2] - now[2 * ROW + i] - nz
+                    near, sight = ONE / (lx * lx + ly * ly + lz * lz), ONE / math.sqrt(ONE + x * x + y * y)
+                    facing = (nx * lx + ny * ly + nz * lz) * math.sqrt(near)
+                    away = (lx * x + ly * y + lz) * math.sqrt(near) * sight
+                    lobe = facing - (nx * x + ny * y + nz) * sight  # on the normal, of the vector half way between lamp and eye
+                    lobe = lobe * lobe / (TWO - TWO * away)
+                    for _ in range(SHARPNESS - 1):
+                        lobe *= lobe
+                    grey = lights[k, 3] * near * (work[6 * SAMPLES + i] * facing + shine * lobe)
+                    total += grey if (facing > ZERO) & (work[5 * SAMPLES + i] > ZERO) else ZERO
+            clear[box[2] + row, box[0] + column] = total / np.float32(SAMPLES)
+
+
+@njit(cache=True, nogil=True)
+def _blur(clear: np.ndarray, box: tuple[int, int, int, int], taps: np.ndarray) -> None:
     """Separable, edges continued."""
     reach = len(taps) // 2
     height, width = clear.shape
@@ -359,13 +416,14 @@ def _blur(clear: np.ndarray, box: np.ndarray, taps: np.ndarray) -> None:
             clear[v, u] = s
 
 
-@njit(cache=True, nogil=True)
-def _expose(image: np.ndarray, clear: np.ndarray, normal: np.ndarray, full_scale: float, read: float, gamma: float, top: int) -> None:
-    """Shot and read noise as one normal draw, then gamma and rounding."""
-    for v in range(clear.shape[0]):
-        for u in range(clear.shape[1]):
-            electrons = full_scale * clear[v, u]
-            grey = clear[v, u] + normal[v, u] * math.sqrt(electrons + read * read) / full_scale
-            if gamma != 1.0:
-                grey = max(grey, 0.0) ** (1.0 / gamma)
-            image[v, u] = min(top, max(0, int(top * grey + 0.5)))
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _expose(image: np.ndarray, clear: np.ndarray, draws: np.ndarray, full_scale: float, read: float, gamma: float, top: int) -> None:
+    """Shot and read noise as one normal draw, then gamma and rounding; all of one length."""
+    shot, floor, most = np.float32(1.0 / full_scale), np.float32((read / full_scale) ** 2), np.float32(top)
+    for i in range(len(clear)):
+        clear[i] += NORMAL[draws[i]] * math.sqrt(max(ZERO, clear[i]) * shot + floor)
+    if gamma != 1.0:
+        for i in range(len(clear)):
+            clear[i] = max(ZERO, clear[i]) ** np.float32(1.0 / gamma)
+    for i in range(len(clear)):
+        image[i] = np.int32(min(most, max(ZERO, most * clear[i] + HALF)))
