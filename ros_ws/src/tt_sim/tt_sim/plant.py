@@ -90,6 +90,8 @@ class Plant:
     def measured(self, state: Joints, rng: np.random.Generator) -> Joints:
         """What the encoders tell."""
         params = self.params
+        if params.q_noise == params.qdot_noise == params.q_step == 0.0:
+            return state
         q, qdot = state.q + rng.normal(0.0, params.q_noise, 7), state.qdot + rng.normal(0.0, params.qdot_noise, 7)
         return Joints(state.time, np.round(q / params.q_step) * params.q_step if params.q_step > 0.0 else q, qdot)
 

@@ -1,20 +1,24 @@
 """Stands in for the hardware: catapult, ball, cameras and arm in one process, paced in real time.
 
 A launch is rendered first, on a thread, and flown when its images are ready: a flight up to the racket is known beforehand. A second thread
-keeps the deadlines of frames and ticks, because timers of rclpy drift.
+keeps the deadlines of frames and ticks, because timers of rclpy drift. What no one listens to is not made.
 """
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
@@ -50,6 +54,7 @@ from .wide import WideWatch
 
 CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
+SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for Python of the rendering one
 STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
 
 
@@ -127,6 +132,8 @@ class SimNode(Node):
         first = launch("top", 5, self.launcher, np.random.default_rng(0))
         for _ in footage(*first, self.cameras, self.scene, self.world.physics, self.rng):
             break  # loads the kernels
+        self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
+        sys.setswitchinterval(SWITCH)
         threading.Thread(target=self.pace, daemon=True).start()
         if self.launcher.rate:
             threading.Thread(target=self.feed, daemon=True).start()
@@ -205,7 +212,8 @@ class SimNode(Node):
                 dark_due = frame_due + 1.0 / FRAME_RATE if params.always_on else np.inf
                 continue
             if tick_due >= clock_due:
-                self.clock.publish(Clock(clock=stamp(tick_due)))
+                if heard(self.clock):
+                    self.clock.publish(Clock(clock=stamp(tick_due)))
                 clock_due = tick_due + 1.0 / params.clock_rate
             if self.ready and tick_due + params.lead >= launch_time + period and (period or not flying):
                 flight = self.ready.popleft()
@@ -213,14 +221,14 @@ class SimNode(Node):
                 flying[launch_time] = flight
                 ball = BallState.from_vector(launch_time, flight.ball.vector)
                 hardware.launch(ball, flight.physics)
-                self.true_ball.publish(ball_to_message(ball))
+                self.publish(self.true_ball, ball_to_message, ball)
             if time.monotonic() - self.commanded > STALE / params.rtf:
                 self.command = np.zeros_like(self.command)
             tick = hardware.advance(self.command)
             measured = self.plant.measured(tick.joints, noise)
-            self.joints.publish(joints_to_message(self.arm.names, measured.time, measured.q, measured.qdot))
+            self.publish(self.joints, joints_to_message, self.arm.names, measured.time, measured.q, measured.qdot)
             self.publish_truth(tick)
-            for seen, side, pixel in wide.frames(tick):
+            for seen, side, pixel in wide.frames(tick, any(map(heard, self.pixels))):
                 late.append((seen + self.world.wide.latency, side, pixel_to_message(seen, pixel, f"{WIDE[side]}_optical")))
             while late and late[0][0] <= tick.joints.time:
                 _, side, message = late.popleft()
@@ -236,13 +244,24 @@ class SimNode(Node):
 
     def publish_truth(self, tick: Tick) -> None:
         """While a ball flies; a contact is told as two states of one time."""
-        for contact in tick.contacts:
-            self.true_ball.publish(ball_to_message(contact.before))
-            self.true_ball.publish(ball_to_message(contact.after))
+        balls = [ball for contact in tick.contacts for ball in (contact.before, contact.after)]
         if tick.ball is not None:
-            racket = tick.racket
-            self.true_ball.publish(ball_to_message(tick.ball))
-            self.true_racket.publish(racket_to_message(tick.joints.time, racket.position, racket.rotation, racket.velocity))
+            balls.append(tick.ball)
+            if heard(self.true_racket):
+                racket = tick.racket
+                self.publish(self.true_racket, racket_to_message, tick.joints.time, racket.position, racket.rotation, racket.velocity)
+        if heard(self.true_ball):
+            for ball in balls:
+                self.publish(self.true_ball, ball_to_message, ball)
+
+    def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
+        """What `convert` makes of the values, in the message that was published there last."""
+        message = self.filled[publisher] = convert(*values, self.filled.get(publisher))
+        publisher.publish(message)
+
+
+def heard(publisher: Publisher) -> bool:
+    return publisher.get_subscription_count() > 0
 
 
 def main() -> None:

@@ -72,12 +72,12 @@ class WideWatch:
     def __init__(self, faults: WideFaults, air: Array, start: float, rng: np.random.Generator) -> None:
         self._pair, self._air, self._rng, self._due = WidePair(faults, rng), air, rng, start
 
-    def frames(self, tick: Tick) -> list[tuple[float, int, Array]]:
-        """(stamp s, 0 left or 1 right, pixel (2,)) of the frames during the tick that show the ball."""
+    def frames(self, tick: Tick, wanted: bool = True) -> list[tuple[float, int, Array]]:
+        """(stamp s, 0 left or 1 right, pixel (2,)) of the frames during the tick that show the ball; none of them when not wanted."""
         seen = []
         while self._due <= tick.joints.time:
             then = next((contact.before for contact in tick.contacts if contact.before.time >= self._due), tick.ball)
-            if then is not None:
+            if wanted and then is not None:
                 place = fly(then.vector, self._due - then.time, self._air)[None, :3]
                 pixels = self._pair.pixels(place, self._rng)[:, 0]
                 seen += [(self._due, side, pixel) for side, pixel in enumerate(pixels) if np.isfinite(pixel).all()]

@@ -1,9 +1,13 @@
-"""Messages to states and back: the only place that does it. Every *_from_message raises TtError for a message that breaks its promise."""
+"""Messages to states and back: the only place that does it. Every *_from_message raises TtError for a message that breaks its promise.
+
+What leaves hundreds of times a second takes a `message` to fill again, one that the same function has made.
+"""
 
 from __future__ import annotations
 
 import array
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,10 +24,11 @@ from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
 UNKNOWN = 1e6  # variance of what is not known
 
 
-def stamp(time: float) -> Time:
+def stamp(time: float, message: Time | None = None) -> Time:
     """time: s."""
-    nanoseconds = round(time * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+    message = message or Time()
+    message.sec, message.nanosec = divmod(round(time * 1e9), 10**9)
+    return message
 
 
 def seconds(message: Time | Duration) -> float:
@@ -43,17 +48,23 @@ def _numbers(v: Vector3 | Point) -> Array:
     return np.array([v.x, v.y, v.z])
 
 
-def ball_to_message(ball: BallState) -> Odometry:
-    """Odometry has no room for the covariance of position with velocity and spin: it is left out."""
-    message = Odometry(child_frame_id="ball")
-    message.header.stamp, message.header.frame_id = stamp(ball.time), "table"
-    pose, twist = message.pose, message.twist
-    pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = map(float, ball.position)
-    twist.twist.linear, twist.twist.angular = _vector3(ball.velocity), _vector3(ball.spin)
-    covariance = np.diag([UNKNOWN] * 9) if ball.covariance is None else ball.covariance
-    in_pose = np.zeros((6, 6))
-    in_pose[:3, :3] = covariance[:3, :3]
-    pose.covariance, twist.covariance = in_pose.ravel(), covariance[3:, 3:].ravel()
+def _fill(message: Vector3 | Point, v: Array) -> None:
+    message.x, message.y, message.z = v.tolist()
+
+
+def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometry:
+    """Odometry has no room for the covariance of position with velocity and spin: it is left out. message: its covariance stays."""
+    if message is None:
+        message = Odometry(child_frame_id="ball")
+        message.header.frame_id = "table"
+        covariance = np.diag([UNKNOWN] * 9) if ball.covariance is None else ball.covariance
+        in_pose = np.zeros((6, 6))
+        in_pose[:3, :3] = covariance[:3, :3]
+        message.pose.covariance, message.twist.covariance = in_pose.ravel(), covariance[3:, 3:].ravel()
+    stamp(ball.time, message.header.stamp)
+    _fill(message.pose.pose.position, ball.position)
+    _fill(message.twist.twist.linear, ball.velocity)
+    _fill(message.twist.twist.angular, ball.spin)
     return message
 
 
@@ -129,13 +140,25 @@ def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
     return ReturnGoal(np.array([landing.x, landing.y]), seconds(point.time_from_start), spin.y, spin.z)
 
 
+def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """x, y, z, w of a rotation matrix (3, 3), by the largest of the four (Shepperd)."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    squares = (a - e - i, e - a - i, i - a - e, a + e + i)  # each 4 times its square, less 1
+    most = squares.index(max(squares))
+    four = 2.0 * math.sqrt(1.0 + squares[most])  # 4 times itself
+    own = 0.25 * four * four
+    products = (own, b + d, c + g, h - f), (b + d, own, f + h, c - g), (c + g, f + h, own, d - b), (h - f, c - g, d - b, own)
+    x, y, z, w = (product / four for product in products[most])
+    return x, y, z, w
+
+
 def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
     """Candidates in order of preference; time: s, of the last frame that they rest on."""
     points = []
     for racket in rackets:
         point = _point(racket.time - time, racket.position, racket.velocity, np.zeros(3))
         q = point.transforms[0].rotation
-        q.x, q.y, q.z, q.w = Rotation.from_matrix(racket.rotation).as_quat()
+        q.x, q.y, q.z, q.w = _quaternion(racket.rotation)
         points.append(point)
     return _trajectory(time, "racket", points)
 
@@ -166,15 +189,16 @@ def pixel_from_message(message: PointStamped) -> tuple[float, Array]:
     return seconds(message.header.stamp), check_array("pixel", [message.point.x, message.point.y], (2,))
 
 
-def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array) -> Odometry:
+def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array, message: Odometry | None = None) -> Odometry:
     """position: (3,) m, face centre. rotation: (3, 3) racket to table. velocity: (3,) m/s in `table`, as for the ball."""
-    message = Odometry(child_frame_id="racket")
-    message.header.stamp, message.header.frame_id = stamp(time), "table"
-    pose = message.pose.pose
-    pose.position.x, pose.position.y, pose.position.z = map(float, position)
-    q = pose.orientation
-    q.x, q.y, q.z, q.w = Rotation.from_matrix(rotation).as_quat()
-    message.twist.twist.linear = _vector3(velocity)
+    if message is None:
+        message = Odometry(child_frame_id="racket")
+        message.header.frame_id = "table"
+    stamp(time, message.header.stamp)
+    _fill(message.pose.pose.position, position)
+    q = message.pose.pose.orientation
+    q.x, q.y, q.z, q.w = _quaternion(rotation)
+    _fill(message.twist.twist.linear, velocity)
     return message
 
 
@@ -231,10 +255,11 @@ def image_from_message(message: Image) -> np.ndarray:
     return values.reshape(message.height, message.width)
 
 
-def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array) -> JointState:
+def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array, message: JointState | None = None) -> JointState:
     """q: (n,) rad. qdot: (n,) rad/s."""
-    message = JointState(name=list(names), position=q.tolist(), velocity=qdot.tolist())
-    message.header.stamp = stamp(time)
+    message = message or JointState(name=list(names))
+    stamp(time, message.header.stamp)
+    message.position, message.velocity = array.array("d", q.tobytes()), array.array("d", qdot.tobytes())
     return message
 
 
