@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from tt_arm.swing import Joints
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
@@ -62,3 +63,11 @@ class Hardware:
                 ended.append(outcome)
         self._flights = [flight for flight in self._flights if not any(flight[1] is outcome for outcome in ended)]
         return Tick(self.joints, self._racket, contacts, ball, tuple(ended))
+
+
+def warm(plant: Plant) -> None:
+    """Loads the kernels, so that no tick waits for them."""
+    hardware = Hardware(Physics.liu(), plant, Joints(0.0, plant.model.waiting, np.zeros(7)), 0.002)
+    hardware.launch(BallState.from_vector(0.0, np.array([2.6, 0.76, 0.4, -5.0, 0.0, 1.0, 0.0, -300.0, 0.0])))
+    for _ in range(300):  # beyond the bounce on the table
+        hardware.advance(np.zeros(7))

@@ -1,11 +1,12 @@
 """Stands in for the hardware: catapult, ball, cameras and arm in one process, paced in real time.
 
-A launch is rendered first, on a thread, and flown when its images are ready: a flight up to the racket is known beforehand. A second thread
+A launch is rendered first, by another process, and flown when its images are ready: a flight up to the racket is known beforehand. A thread
 keeps the deadlines of frames and ticks, because timers of rclpy drift. What no one listens to is not made.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 import time
@@ -26,7 +27,6 @@ from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
 from tt_core.errors import check_range
-from tt_core.physics import Physics
 from tt_core.ros.convert import (
     ball_to_message,
     camera_to_message,
@@ -43,18 +43,17 @@ from tt_core.ros.status import Status
 from tt_core.states import BallState
 from tt_vision.rig import FRAME_RATE, high_speed_pair
 
-from .faults import arrivals
-from .footage import footage
-from .hardware import Hardware, Tick
-from .launcher import LauncherParams, launch, shot
+from .hardware import Hardware, Tick, warm
+from .launcher import LauncherParams, shot
 from .plant import Plant, PlantParams
-from .render import Scene, Texture
 from .scenario import Truth, load_world
+from .studio import Crew, Studio, Take
 from .wide import WideWatch
 
 CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
-SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for Python of the rendering one
+QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
+SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
 
 
@@ -76,25 +75,14 @@ class SimParams:
         check_range("lead", self.lead, 0.0, 5.0)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """An image on its way: when it leaves, its stamp, both s after the launch, and which camera took it."""
-
-    due: float
-    stamp: float
-    side: int
-    image: Image
-
-
 @dataclass
 class Flight:
-    """One launch, rendered: times are seconds after the launch."""
+    """One launch, rendered. images: when each leaves and its stamp, both s after the launch, which camera took it, and the message."""
 
     number: int
     shot: str
-    ball: BallState
-    physics: Physics
-    images: deque[Shown]
+    take: Take
+    images: deque[tuple[float, float, int, Image]]
 
 
 class SimNode(Node):
@@ -108,13 +96,14 @@ class SimNode(Node):
         self.world = load_world(name) if name else own
         self.launcher = declare(self, LauncherParams, "launcher.")
         self.shots = [shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
-        self.rng = np.random.default_rng(self.params.seed)
-        self.scene, self.cameras = Scene(texture=Texture.drawn(self.params.seed)), high_speed_pair()
-        self.arm = ArmModel.pa10()
+        world = self.world
+        self.crew = Crew(Studio(self.params.seed, self.launcher, world.physics, world.vary, world.cameras))
+        self.cameras, self.arm = high_speed_pair(), ArmModel.pa10()
         self.plant = Plant(self.arm, self.world.plant)
         self.command, self.commanded = np.zeros(len(self.arm.names)), 0.0  # rad/s; s, monotonic, when it came
         self.launched, self.busy = 0, threading.Event()  # set while a launch on request waits for its images or its ball flies
         self.ready = deque[Flight]()
+        self.shown = -np.inf  # s, monotonic, when the last image of a ball left
 
         self.status = Status(self)
         self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in CAMERAS]
@@ -129,9 +118,7 @@ class SimNode(Node):
         self.true_racket = self.create_publisher(Odometry, "/sim/racket", TRUTH)
         self.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
         self.create_service(Trigger, "/launcher/launch", self.on_launch)
-        first = launch("top", 5, self.launcher, np.random.default_rng(0))
-        for _ in footage(*first, self.cameras, self.scene, self.world.physics, self.rng):
-            break  # loads the kernels
+        warm(self.plant)
         self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
         sys.setswitchinterval(SWITCH)
         threading.Thread(target=self.pace, daemon=True).start()
@@ -157,7 +144,7 @@ class SimNode(Node):
     def feed(self) -> None:
         """At a rate: keeps rendered launches in store."""
         while self.context.ok():
-            if len(self.ready) < STORE:
+            if len(self.ready) < STORE and time.monotonic() > self.shown + QUIET:
                 self.render()
             else:
                 time.sleep(0.02)
@@ -166,14 +153,18 @@ class SimNode(Node):
         """The next launch."""
         kind, scale = self.shots[self.launched % len(self.shots)]
         self.launched += 1
-        ball, orientation = launch(kind, scale, self.launcher, self.rng)
-        physics, faults = self.world.vary.draw(self.world.physics, self.rng), self.world.cameras
-        frames = footage(ball, orientation, self.cameras, self.scene, physics, self.rng)
-        shown = [
-            Shown(stamp - faults.clock_offset + faults.latency, stamp, side, image_to_message(image, 0.0, f"{CAMERAS[side]}_optical"))
-            for side, stamp, image in arrivals(frames, faults, self.rng)
-        ]
-        self.ready.append(Flight(self.launched, f"{kind} {scale}", ball, physics, deque(sorted(shown, key=lambda one: one.due))))
+        try:
+            take = self.crew.take(kind, scale)
+        except EOFError:
+            signal.raise_signal(signal.SIGTERM)  # without cameras there is nothing to do
+            raise
+        if take is None:
+            return
+        images = deque((s.due, s.stamp, s.side, image_to_message(s.image, 0.0, f"{CAMERAS[s.side]}_optical")) for s in take.shown)
+        self.ready.append(Flight(self.launched, f"{kind} {scale}", take, images))
+
+    def close(self) -> None:
+        self.crew.close()
 
     def pace(self) -> None:
         """Until the node is shut down."""
@@ -200,12 +191,13 @@ class SimNode(Node):
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
             tick_due = hardware.joints.time + params.tick
-            frame_due = launch_time + flight.images[0].due if flight and flight.images else dark_due
+            frame_due = launch_time + flight.images[0][0] if flight and flight.images else dark_due
             time.sleep(max(0.0, (min(tick_due, frame_due) - start) / params.rtf - (time.monotonic() - real_start)))
             if frame_due <= tick_due:
                 if flight and flight.images:
-                    shown = flight.images.popleft()
-                    self.publish_image(shown.side, launch_time + shown.stamp, shown.image)
+                    _, stamped, side, image = flight.images.popleft()
+                    self.shown = time.monotonic()
+                    self.publish_image(side, launch_time + stamped, image)
                 else:
                     for side, image in enumerate(dark):
                         self.publish_image(side, frame_due, image)
@@ -219,8 +211,8 @@ class SimNode(Node):
                 flight = self.ready.popleft()
                 launch_time = tick_due + params.lead
                 flying[launch_time] = flight
-                ball = BallState.from_vector(launch_time, flight.ball.vector)
-                hardware.launch(ball, flight.physics)
+                ball = BallState.from_vector(launch_time, flight.take.ball.vector)
+                hardware.launch(ball, flight.take.physics)
                 self.publish(self.true_ball, ball_to_message, ball)
             if time.monotonic() - self.commanded > STALE / params.rtf:
                 self.command = np.zeros_like(self.command)

@@ -1,0 +1,115 @@
+"""Launches and their images from a process of its own: what keeps deadlines in Python must not share an interpreter with the rendering.
+
+`python -m tt_sim.studio` reads pickled orders from its standard input, first a Studio, then shots, and writes a pickled Take for each. It
+steps back behind other processes, and ends when its input does, as with the process that has started it.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+from tt_core.physics import Physics
+from tt_core.states import BallState
+from tt_vision.rig import high_speed_pair
+
+from .faults import CameraFaults, arrivals
+from .footage import footage
+from .launcher import LauncherParams, launch
+from .render import Image, Scene, Texture
+from .vary import Variation
+
+NICE = 10  # by which it steps back: a launch that is late is launched later, a node that is late has missed the ball
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """An image on its way: when it arrives and its stamp, both s after the launch, and which camera took it."""
+
+    due: float
+    stamp: float
+    side: int
+    image: Image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Take:
+    """One launch. ball: at the launch, time 0. physics: of this ball. shown: in the order in which they arrive."""
+
+    ball: BallState
+    physics: Physics
+    shown: list[Shown]
+
+
+@dataclass(frozen=True)
+class Studio:
+    """Catapult, cameras and what goes wrong in them. seed: of the marks, and of all that is drawn."""
+
+    seed: int = 0
+    launcher: LauncherParams = field(default_factory=LauncherParams)
+    physics: Physics = field(default_factory=Physics.liu)
+    vary: Variation = field(default_factory=Variation)
+    faults: CameraFaults = field(default_factory=CameraFaults)
+
+    def take(self, kind: str, scale: int, scene: Scene, rng: np.random.Generator) -> Take:
+        """The next launch."""
+        ball, orientation = launch(kind, scale, self.launcher, rng)
+        physics, faults = self.vary.draw(self.physics, rng), self.faults
+        frames = footage(ball, orientation, high_speed_pair(), scene, physics, rng)
+        shown = [
+            Shown(stamp - faults.clock_offset + faults.latency, stamp, side, image) for side, stamp, image in arrivals(frames, faults, rng)
+        ]
+        return Take(ball, physics, sorted(shown, key=lambda one: one.due))
+
+
+class Crew:
+    """The process that works in a studio."""
+
+    def __init__(self, studio: Studio) -> None:
+        self._process = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._closed = False
+        self._send(studio)
+
+    def take(self, kind: str, scale: int) -> Take | None:
+        """Waits for it; None once closed. Raises EOFError when the process has ended."""
+        try:
+            self._send((kind, scale))
+            take: Take = pickle.load(self._process.stdout)  # type: ignore[arg-type]
+            return take
+        except (OSError, EOFError, pickle.UnpicklingError) as error:
+            if self._closed:
+                return None
+            raise EOFError("the process that renders has ended") from error
+
+    def close(self) -> None:
+        self._closed = True
+        self._process.kill()
+        self._process.wait()
+
+    def _send(self, order: object) -> None:
+        pickle.dump(order, self._process.stdin)  # type: ignore[arg-type]
+        self._process.stdin.flush()  # type: ignore[union-attr]
+
+
+def main() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all; whoever started this one ends it
+    os.nice(NICE)
+    try:
+        studio: Studio = pickle.load(sys.stdin.buffer)
+        scene, rng = Scene(texture=Texture.drawn(studio.seed)), np.random.default_rng(studio.seed)
+        while True:
+            kind, scale = pickle.load(sys.stdin.buffer)
+            take = studio.take(kind, scale, scene, rng)
+            pickle.dump(take, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
+            sys.stdout.buffer.flush()
+    except (EOFError, BrokenPipeError):
+        os._exit(0)  # without a last try to flush
+
+
+if __name__ == "__main__":
+    main()
