@@ -13,7 +13,7 @@ from numba import njit
 from tt_core.constants import FLOOR_Z, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.states import Array
 
-from .kinematics import Chain, forward
+from .kinematics import Chain, skeleton
 from .motion import evaluate
 
 OBSTACLES = ("the table", "the floor", "itself")
@@ -24,8 +24,8 @@ UPPER_ARM = 0.08  # m, radius from shoulder to elbow, of the links in the URDF
 PEDESTAL = 0.10  # m, radius from the floor to the shoulder, of the base in the URDF
 NEAR = 0.08  # m, within which the racket is its rim and no ball
 AROUND = 12  # points of the rim
+CIRCLE = RIM * np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
 ALONG = 8  # parts of the forearm; the capsules seen from its points are at most 3 mm nearer
-LEVERS = (1.4, 1.4, 1.4, 0.9, 0.9, 0.4, 0.4)  # m, more than any point is away from the joints' axes
 BRAKING = 3  # postures looked at while the arm brakes, the last at rest
 
 
@@ -48,14 +48,11 @@ def from_segment(x: float, y: float, z: float, start: Array, end: Array) -> floa
 @njit(cache=True)
 def clearances(q: Array, chain: Chain) -> tuple[float, float, float]:
     """m, the least distance for q (7,) rad to each of OBSTACLES; not above 0 is a touch. Beyond NEAR at most 2 RIM too small."""
-    face, rotation, _ = forward(q, chain)
-    flange = rotation @ chain.mount_rotation.T
-    wrist = face - flange @ chain.mount_position - chain.lengths[3] * flange[:, 2]
-    c, s, c2, s2 = math.cos(q[0]), math.sin(q[0]), math.cos(q[1]), math.sin(q[1])
-    shoulder = chain.base_position + chain.lengths[0] * chain.base_rotation[:, 2]
-    elbow = shoulder + chain.lengths[1] * (chain.base_rotation @ np.array([c * s2, s * s2, c2]))
-    foot = np.array([chain.base_position[0], chain.base_position[1], min(FLOOR_Z, chain.base_position[2])])
-    folded = (wrist - elbow) @ flange[:, 2].copy() < -0.5 * chain.lengths[2]  # else the rim is 7 cm from the forearm
+    points, rotation = np.empty((5, 3)), np.empty((3, 3))
+    folded = skeleton(q, chain, points, rotation) < -0.5  # else the rim is 7 cm from the forearm
+    shoulder, elbow, wrist, face, foot = points[0], points[1], points[2], points[3], points[4]
+    base = chain.base_position
+    foot[0], foot[1], foot[2] = base[0], base[1], min(FLOOR_Z, base[2])
     x, y, z = face[0], face[1], face[2]
     table, floor = from_table(x, y, z) - RIM, z - FLOOR_Z - RIM
     itself = min(from_segment(x, y, z, shoulder, elbow) - UPPER_ARM, from_segment(x, y, z, foot, shoulder) - PEDESTAL) - RIM
@@ -64,7 +61,7 @@ def clearances(q: Array, chain: Chain) -> tuple[float, float, float]:
     if min(table, itself) < NEAR:
         table, itself = np.inf, np.inf
         for k in range(AROUND):
-            c, s = RIM * math.cos(2.0 * math.pi * k / AROUND), RIM * math.sin(2.0 * math.pi * k / AROUND)
+            c, s = CIRCLE[k, 0], CIRCLE[k, 1]
             x = face[0] + c * rotation[0, 0] + s * rotation[0, 1]
             y = face[1] + c * rotation[1, 0] + s * rotation[1, 1]
             z = face[2] + c * rotation[2, 0] + s * rotation[2, 1]
@@ -109,24 +106,47 @@ def braking_clearance(q: Array, qdot: Array, braking: float, chain: Chain) -> tu
 
 
 @njit(cache=True)
+def levers(chain: Chain) -> Array:
+    """(7,) m, the most that any point of racket, hand and forearm is away from each joint's axis."""
+    _, _, lengths, _, beyond = chain
+    aside = math.hypot(beyond[0], beyond[1])
+    hand = math.hypot(aside, lengths[3] + beyond[2]) + RIM
+    out = np.full(7, hand)
+    out[:4] += lengths[2]
+    out[:2] += lengths[1]
+    out[6] = aside + RIM
+    return out
+
+
+@njit(cache=True)
 def path_clearance(
     end: float, step: float, braking: float, enough: float, knots: Array, coefficients: Array, chain: Chain
 ) -> tuple[float, int]:  # fmt: skip
-    """The least clearance (m) on a path of polynomials (see `motion`) and braking from it, every `step` (s) until `end` (s); from what.
+    """The least clearance (m) that was looked at on a path of polynomials (see `motion`) and on braking from it, and from what, until
+    `end` (s) or until it is below `enough` (m).
 
-    enough: m, above which braking need not be looked at.
+    The next look is `step` (s) later, or as late as nothing can come as near as that before: the arm's points move by the joints' speeds
+    at most, which change by `braking` (rad/s^2) at most.
     """
-    q, qdot, qddot, least, what = np.empty(7), np.empty(7), np.empty(7), np.inf, 0
-    for k in range(int(end / step) + 2):
-        evaluate(min(end, k * step), knots, coefficients, q, qdot, qddot)
+    q, qdot, qddot, least, what, lever = np.empty(7), np.empty(7), np.empty(7), np.inf, 0, levers(chain)
+    time, last = 0.0, False
+    while not last:
+        last = time >= end
+        evaluate(min(end, time), knots, coefficients, q, qdot, qddot)
         left, near = clearance(q, chain)
-        moves = 0.0  # m, what braking moves any point at most
+        moves, speed = 0.0, 0.0  # m, what braking moves any point at most; m/s
         for i in range(7):
-            moves += LEVERS[i] * qdot[i] ** 2 / (2.0 * braking)
-        if moves > 0.0 and left - moves < enough:
+            moves += lever[i] * qdot[i] ** 2 / (2.0 * braking)
+            speed += lever[i] * abs(qdot[i])
+        room = left - moves - enough  # falls by 2 speed at most: half of it for the way, half for braking
+        if room < 0.0 and moves > 0.0:
             braked, obstacle = braking_clearance(q, qdot, braking, chain)
             if braked < left:
                 left, near = braked, obstacle
         if left < least:
             least, what = left, near
+            if least < enough:
+                break
+        rise = braking * lever.sum()  # m/s^2, of the speed
+        time += max(step, (math.sqrt(speed * speed + rise * max(0.0, room)) - speed) / rise)
     return least, what

@@ -34,6 +34,13 @@ def least_time(distance: float, v0: float, v1: float, speed: float, acceleration
 
 
 @njit(cache=True)
+def soonest(distance: float, speed: float, acceleration: float) -> float:
+    """The shortest time to come to rest at `distance`, not negative, with whatever speed at the start is best."""
+    ramp = 0.5 * speed * speed / acceleration
+    return math.sqrt(2.0 * distance / acceleration) if distance < ramp else (distance + ramp) / speed
+
+
+@njit(cache=True)
 def _peak(time: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
     return min(speed, 0.5 * (v0 + v1 + acceleration * time))
 

@@ -12,7 +12,6 @@ import math
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_array
 from tt_core.states import Array
@@ -24,90 +23,114 @@ LIU_WEIGHTS = np.array([1.0, 0.6, 2.0, 2.0, 2.0 * np.pi, 2.0 * np.pi])  # the di
 
 
 @njit(cache=True)
-def _dot(columns: Array, k: int, vector: Array) -> float:
-    return columns[0, k] * vector[0] + columns[1, k] * vector[1] + columns[2, k] * vector[2]
+def _along(columns: Array, k: int, x: float, y: float, z: float) -> float:
+    """Column k along (x, y, z); exactly 0 where it is square to it but for rounding."""
+    height = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
+    size = max(abs(columns[0, k]), abs(columns[1, k]), abs(columns[2, k]))
+    return height if abs(height) > PARALLEL * (1.0 + size) else 0.0
 
 
 @njit(cache=True)
-def least_shares(columns: Array, velocity: Array, shares: Array) -> float:
-    """Fills shares (7,) for columns (3, 7) and velocity (3,); returns the least max |share|, inf when the velocity is impossible."""
-    shares[:] = 0.0
-    best, n0, n1, n2 = -1.0, 0.0, 0.0, 0.0
+def least_shares(columns: Array, velocity: Array, shares: Array, most: float = math.inf) -> float:
+    """Fills shares (7,) for columns (3, 7) and velocity (3,), more rows are not read; returns the least max |share|, inf when the
+    velocity is impossible, or as soon as it is seen to need more than `most`."""
+    best, nx, ny, nz = -1.0, 0.0, 0.0, 0.0
     for i in range(7):
         for j in range(i):
             x = columns[1, i] * columns[2, j] - columns[2, i] * columns[1, j]
             y = columns[2, i] * columns[0, j] - columns[0, i] * columns[2, j]
             z = columns[0, i] * columns[1, j] - columns[1, i] * columns[0, j]
-            length = math.sqrt(x * x + y * y + z * z)
-            if length < PARALLEL:
+            length = x * x + y * y + z * z
+            if length < PARALLEL * PARALLEL:
                 continue
-            x, y, z = x / length, y / length, z / length
-            width = 0.0
+            width, ahead = 0.0, velocity[0] * x + velocity[1] * y + velocity[2] * z
             for k in range(7):
                 width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z)
-            ahead = velocity[0] * x + velocity[1] * y + velocity[2] * z
-            if width < PARALLEL:
-                if abs(ahead) > PARALLEL:
+            if width * width < PARALLEL * PARALLEL * length:
+                if ahead * ahead > PARALLEL * PARALLEL * length:
                     return math.inf
                 continue
-            if abs(ahead) / width > best:
-                best = abs(ahead) / width
-                sign = 1.0 if ahead > 0.0 else -1.0
-                n0, n1, n2 = sign * x, sign * y, sign * z
+            if abs(ahead) > best * width:
+                best, scale = abs(ahead) / width, math.copysign(1.0, ahead) / math.sqrt(length)
+                nx, ny, nz = scale * x, scale * y, scale * z
+                if best > most:
+                    return math.inf
     if best < 0.0:
         return math.inf
-    normal = np.array([n0, n1, n2])
-    rest = velocity.copy()
-    inside = np.zeros(7, np.bool_)
+    rx, ry, rz = velocity[0], velocity[1], velocity[2]  # what is left of the velocity
     for k in range(7):
-        height = _dot(columns, k, normal)
-        if abs(height) > PARALLEL * (1.0 + np.abs(columns[:, k]).max()):
-            shares[k] = best if height > 0.0 else -best
-            rest -= shares[k] * columns[:, k]
-        else:
-            inside[k] = True
-    _least_in_plane(columns, inside, normal, rest, shares)
+        height = _along(columns, k, nx, ny, nz)
+        shares[k] = math.copysign(best, height) if height != 0.0 else math.nan  # in the face
+        if height != 0.0:
+            rx, ry, rz = rx - shares[k] * columns[0, k], ry - shares[k] * columns[1, k], rz - shares[k] * columns[2, k]
+    _least_in_plane(columns, nx, ny, nz, rx, ry, rz, shares)
     return best
 
 
 @njit(cache=True)
-def _least_in_plane(columns: Array, inside: npt.NDArray[np.bool_], normal: Array, rest: Array, shares: Array) -> None:
-    """The same for the columns `inside` the face and what is left of the velocity; columns along the face's edge share alike."""
-    best, along = -1.0, -1
-    edge = np.zeros(3)
+def _least_in_plane(columns: Array, nx: float, ny: float, nz: float, rx: float, ry: float, rz: float, shares: Array) -> None:
+    """The same for the columns in the face with normal n, whose shares are NaN, and what is left of the velocity, r; columns along the
+    face's edge share alike."""
+    best, ex, ey, ez = -1.0, 0.0, 0.0, 0.0
     for i in range(7):
-        side = np.cross(normal, columns[:, i])
-        length = math.sqrt(side @ side)
-        if not inside[i] or length < PARALLEL:
+        if not math.isnan(shares[i]):
             continue
-        side /= length
-        width = 0.0
+        x = ny * columns[2, i] - nz * columns[1, i]
+        y = nz * columns[0, i] - nx * columns[2, i]
+        z = nx * columns[1, i] - ny * columns[0, i]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length < PARALLEL:
+            continue
+        width, ahead = 0.0, (rx * x + ry * y + rz * z) / length
         for k in range(7):
-            if inside[k]:
-                width += abs(_dot(columns, k, side))
-        ratio = float(abs(rest @ side)) / width if width > PARALLEL else 0.0
+            if math.isnan(shares[k]):
+                width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z) / length
+        ratio = abs(ahead) / width if width > PARALLEL else 0.0
         if ratio > best:
-            best, along = ratio, i
-            edge = side if rest @ side > 0.0 else -side
-    if along < 0:
-        return
-    direction = np.cross(edge, normal)
-    width = 0.0
-    left = rest.copy()
+            scale = math.copysign(1.0, ahead) / length
+            best, ex, ey, ez = ratio, scale * x, scale * y, scale * z
+    dx, dy, dz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx  # along the edge
+    width, left = 0.0, rx * dx + ry * dy + rz * dz
     for k in range(7):
-        if inside[k]:
-            height = _dot(columns, k, edge)
-            if abs(height) > PARALLEL * (1.0 + np.abs(columns[:, k]).max()):
-                shares[k] = best if height > 0.0 else -best
-                left -= shares[k] * columns[:, k]
-                inside[k] = False
+        if math.isnan(shares[k]):
+            height = _along(columns, k, ex, ey, ez)
+            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
+            if height != 0.0:
+                shares[k] = math.copysign(best, height)
+                left -= shares[k] * along
             else:
-                width += abs(_dot(columns, k, direction))
-    if width > PARALLEL:
-        for k in range(7):
-            height = _dot(columns, k, direction)
-            if inside[k] and abs(height) > PARALLEL:
-                shares[k] = math.copysign(1.0, height) * (left @ direction) / width
+                width += abs(along)
+    for k in range(7):
+        if math.isnan(shares[k]):
+            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
+            shares[k] = math.copysign(left / width, left * along) if width > PARALLEL and abs(along) > PARALLEL else 0.0
+
+
+@njit(cache=True)
+def _largest(base: Array, free: Array, x: float, y: float) -> float:
+    most = 0.0
+    for k in range(7):
+        most = max(most, abs(base[k] + free[k, 0] * x + free[k, 1] * y))
+    return most
+
+
+@njit(cache=True)
+def _corner(base: Array, free: Array, best: float) -> tuple[float, float]:
+    """The free shares that keep all within `best`, where those of three do not tell: some are alike."""
+    least, at_x, at_y = math.inf, 0.0, 0.0
+    for i in range(7):
+        for j in range(i):
+            u = free[i, 0] * free[j, 1] - free[i, 1] * free[j, 0]
+            if abs(u) < PARALLEL:
+                continue
+            for sign in (1.0, -1.0):
+                for other in (1.0, -1.0):
+                    ti, tj = sign * best - base[i], other * best - base[j]
+                    x, y = (ti * free[j, 1] - tj * free[i, 1]) / u, (tj * free[i, 0] - ti * free[j, 0]) / u
+                    most = _largest(base, free, x, y)
+                    if most < least:
+                        least, at_x, at_y = most, x, y
+    return at_x, at_y
 
 
 @njit(cache=True)
@@ -116,9 +139,8 @@ def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
 
     Elimination leaves two free shares; the least maximum is reached where three of the seven are equal.
     """
-    a = np.empty((5, 8))
+    a, order, base, free = np.empty((5, 8)), np.arange(7), np.zeros(7), np.zeros((7, 2))
     a[:, :7], a[:, 7] = rows, wanted
-    order = np.arange(7)
     for i in range(5):
         row, column = i, i
         for r in range(i, 5):
@@ -132,53 +154,59 @@ def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
         for r in range(5):
             a[r, i], a[r, column] = a[r, column], a[r, i]
         order[i], order[column] = order[column], order[i]
-        a[i] /= a[i, i]
+        pivot = 1.0 / a[i, i]
+        for c in range(i, 8):
+            a[i, c] *= pivot
         for r in range(5):
             if r != i:
-                a[r] -= a[r, i] * a[i]
-    base, free = np.zeros(7), np.zeros((7, 2))
-    base[:5], free[:5] = a[:, 7], -a[:, 5:7]
+                factor = a[r, i]
+                for c in range(i, 8):
+                    a[r, c] -= factor * a[i, c]
+    for i in range(5):
+        base[i], free[i, 0], free[i, 1] = a[i, 7], -a[i, 5], -a[i, 6]
     free[5, 0], free[6, 1] = 1.0, 1.0
-    best = 0.0
+    best, u, si, sj, bi, bj = 0.0, 1.0, 0.0, 0.0, 5, 6
     for i in range(7):
         for j in range(i):
             uk = free[i, 0] * free[j, 1] - free[i, 1] * free[j, 0]
             for k in range(j):
                 ui = free[j, 0] * free[k, 1] - free[j, 1] * free[k, 0]
                 uj = free[k, 0] * free[i, 1] - free[k, 1] * free[i, 0]
-                total = abs(ui) + abs(uj) + abs(uk)
-                if total > PARALLEL:
-                    best = max(best, abs(ui * base[i] + uj * base[j] + uk * base[k]) / total)
-    least, x, y = math.inf, 0.0, 0.0
-    for i in range(7):  # two of the shares that are equal give the free ones
-        for j in range(i):
-            u = free[i, 0] * free[j, 1] - free[i, 1] * free[j, 0]
-            if abs(u) < PARALLEL:
-                continue
-            for sign in (1.0, -1.0):
-                for other in (1.0, -1.0):
-                    ti, tj = sign * best - base[i], other * best - base[j]
-                    xx, yy = (ti * free[j, 1] - tj * free[i, 1]) / u, (tj * free[i, 0] - ti * free[j, 0]) / u
-                    most = 0.0
-                    for k in range(7):
-                        most = max(most, abs(base[k] + free[k, 0] * xx + free[k, 1] * yy))
-                    if most < least:
-                        least, x, y = most, xx, yy
+                total, most = abs(ui) + abs(uj) + abs(uk), ui * base[i] + uj * base[j] + uk * base[k]
+                if total > PARALLEL and abs(most) > best * total:
+                    best = abs(most) / total
+                    si, sj, sk = math.copysign(1.0, most * ui), math.copysign(1.0, most * uj), math.copysign(1.0, most * uk)
+                    if abs(uk) >= max(abs(ui), abs(uj)):  # two of the three give the free ones: those that are least alike
+                        u, bi, bj = uk, i, j
+                    elif abs(ui) >= abs(uj):
+                        u, bi, bj, si, sj = ui, j, k, sj, sk
+                    else:
+                        u, bi, bj, si, sj = uj, k, i, sk, si
+    ti, tj = si * best - base[bi], sj * best - base[bj]
+    x, y = (ti * free[bj, 1] - tj * free[bi, 1]) / u, (tj * free[bi, 0] - ti * free[bj, 0]) / u
+    if _largest(base, free, x, y) > best * (1.0 + 1e-9):
+        x, y = _corner(base, free, best)
     for m in range(7):
         shares[order[m]] = base[m] + free[m, 0] * x + free[m, 1] * y
     return best
 
 
 @njit(cache=True)
-def steady_rows(jacobian: Array, rotation: Array, limits: Array) -> Array:
-    """(5, 7): velocity of the face centre and turning rates of its normal (about the racket's x and y), per share of the speed limits."""
-    rows = np.empty((5, 7))
+def steady_rows_into(jacobian: Array, rotation: Array, limits: Array, rows: Array) -> None:
+    """Fills what `steady_rows` returns."""
     for i in range(7):
         for k in range(3):
             rows[k, i] = jacobian[k, i] * limits[i]
         for k in range(2):
             turn = rotation[0, k] * jacobian[3, i] + rotation[1, k] * jacobian[4, i] + rotation[2, k] * jacobian[5, i]
             rows[3 + k, i] = turn * limits[i]
+
+
+@njit(cache=True)
+def steady_rows(jacobian: Array, rotation: Array, limits: Array) -> Array:
+    """(5, 7): velocity of the face centre and turning rates of its normal (about the racket's x and y), per share of the speed limits."""
+    rows = np.empty((5, 7))
+    steady_rows_into(jacobian, rotation, limits, rows)
     return rows
 
 

@@ -196,7 +196,8 @@ class RacketState:
     @property
     def normal(self) -> Array:
         """(3,) unit, z axis of the racket in `table`."""
-        return self.rotation[:, 2]
+        c = math.cos(self.alpha)
+        return np.array([c * math.sin(self.beta), -math.sin(self.alpha), c * math.cos(self.beta)])
 
     @property
     def rotation(self) -> Array:
