@@ -47,12 +47,19 @@ def _inside(model: pin.Model, waiting: Array) -> Array:
     return waiting
 
 
+def _bodies(model: pin.Model) -> Array:
+    links = zip(list(model.jointPlacements)[1:], list(model.inertias)[1:], strict=True)
+    return np.array([[at.translation[2], body.mass, *body.lever, *body.inertia[np.tril_indices(3)]] for at, body in links])
+
+
 @dataclass(frozen=True, eq=False)
 class ArmModel:
     """Joint order s1, s2, s3, e1, e2, w1, w2; `racket` is the face centre, its z axis the face normal.
 
     position_limits: (7, 2) rad, low and high. speed_limits: (7,) rad/s, both ways. torque_limits: (7,) N m at the joints.
-    waiting: (7,) rad, where the arm waits for a ball. chain: what the kernels need. pinocchio: the model with its dynamics.
+    waiting: (7,) rad, where the arm waits for a ball. chain: what the kernels need. bodies: (7, 11) for each link the height of its joint
+    above the one before (m), mass (kg), centre of mass (m), and inertia about it (kg m^2) as xx, xy, yy, xz, yz, zz, in its own frame.
+    pinocchio: the model with its dynamics.
     """
 
     names: tuple[str, ...]
@@ -61,6 +68,7 @@ class ArmModel:
     torque_limits: Array
     waiting: Array
     chain: Chain
+    bodies: Array
     pinocchio: pin.Model
 
     @classmethod
@@ -86,6 +94,7 @@ class ArmModel:
             torque_limits=model.effortLimit.copy(),
             waiting=_inside(model, check_array("waiting", waiting, (7,))),
             chain=Chain(*(np.array(c, order="C") for c in constants)),
+            bodies=_bodies(model),
             pinocchio=model,
         )
 

@@ -193,15 +193,16 @@ def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: npt
 @njit(cache=True)
 def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Lowest and highest q, highest |qdot|, |qddot| and jerk (7,) each, every STEP until `end`; a step of acceleration is a high jerk."""
-    q, qdot, qddot, before = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
     low, high, speed, acceleration, jerk = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7), np.zeros(7)
+    q, qdot, qddot, before = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
     for k in range(int(end / STEP) + 2):
         evaluate(min(end, k * STEP), knots, coefficients, q, qdot, qddot)
-        low, high = np.minimum(low, q), np.maximum(high, q)
-        speed, acceleration = np.maximum(speed, np.abs(qdot)), np.maximum(acceleration, np.abs(qddot))
-        if k > 0:
-            jerk = np.maximum(jerk, np.abs(qddot - before) / STEP)
-        before[:] = qddot
+        for i in range(7):
+            low[i], high[i] = min(low[i], q[i]), max(high[i], q[i])
+            speed[i], acceleration[i] = max(speed[i], abs(qdot[i])), max(acceleration[i], abs(qddot[i]))
+            if k > 0:
+                jerk[i] = max(jerk[i], abs(qddot[i] - before[i]) / STEP)
+            before[i] = qddot[i]
     return low, high, speed, acceleration, jerk
 
 

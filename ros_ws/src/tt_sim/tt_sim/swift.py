@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numba import njit
 from tt_arm.guard import GuardParams
-from tt_arm.kinematics import Chain, forward
+from tt_arm.kinematics import Chain, forward_into
 from tt_arm.motion import evaluate
 from tt_arm.servo import ServoParams
 from tt_arm.swing import Swing
@@ -37,12 +37,19 @@ def _swing(
     """
     rest, qdot, command, last = q.copy(), np.zeros(7), np.zeros(7), np.zeros(7)
     path_q, path_v, ahead_q, ahead_v, unused = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    position, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, 7))
     for n in range(len(joints)):
         now = time + n * tick
-        joints[n, 0], joints[n, 1:8], joints[n, 8:] = now, q, qdot
-        position, rotation, jacobian = forward(q, chain)
-        rackets[n, :3], rackets[n, 3:6] = position, rotation[:, 2]
-        rackets[n, 6:9], rackets[n, 9:] = jacobian[:3] @ qdot, jacobian[3:] @ qdot
+        joints[n, 0] = now
+        for i in range(7):
+            joints[n, 1 + i], joints[n, 8 + i] = q[i], qdot[i]
+        forward_into(q, chain, position, rotation, jacobian)
+        for k in range(3):
+            rackets[n, k], rackets[n, 3 + k] = position[k], rotation[k, 2]
+        for k in range(6):
+            rackets[n, 6 + k] = 0.0
+            for i in range(7):
+                rackets[n, 6 + k] += jacobian[k, i] * qdot[i]
         if now + lead >= start:
             evaluate(now - start, knots, coefficients, path_q, path_v, unused)
             evaluate(now + lead - start, knots, coefficients, ahead_q, ahead_v, unused)
