@@ -11,7 +11,7 @@ trapezoid.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -320,7 +320,7 @@ def strike(
     start = _begin(model, start, limits)
     if target.reason is not None:
         return None, math.inf, target.reason
-    path, moving = Path(model, limits), _moves(start, limits)
+    path, moving = Path(model, limits), _moves(start.qdot, start.qddot, limits)
     ends = (np.array(start.q), np.array(start.qdot), np.array(start.qddot), target.q, target.qdot)
     time, shortest = strike_time - start.time, path.longer(0.0, *ends)
     earliest = start.time + shortest
@@ -352,14 +352,17 @@ def strike(
 
 def _begin(model: ArmModel, start: Joints, limits: SwingLimits) -> Joints:
     """The start within the limits, without acceleration where none is kept."""
-    speed = limits.speed_share * model.speed_limits
-    begin = Joints(start.time, start.q, np.clip(start.qdot, -speed, speed), np.clip(start.qddot, -limits.acceleration, limits.acceleration))
-    return begin if _moves(begin, limits) and limits.profile != "polyline" else replace(begin, qddot=np.zeros(7))
+    speed, kept = limits.speed_share * model.speed_limits, limits.acceleration
+    qdot, qddot = np.clip(start.qdot, -speed, speed), np.clip(start.qddot, -kept, kept)
+    if limits.profile == "polyline" or not _moves(qdot, qddot, limits):
+        qddot = np.zeros(7)
+    same = (qdot == start.qdot).all() and (qddot == start.qddot).all()
+    return start if same else Joints(start.time, start.q, qdot, qddot)
 
 
-def _moves(start: Joints, limits: SwingLimits) -> bool:
-    """Whether it does, or is about to."""
-    return bool((np.abs(start.qdot) + 0.5 * start.qddot**2 / limits.jerk).max() > AT_REST)
+def _moves(qdot: Array, qddot: Array, limits: SwingLimits) -> bool:
+    """Whether the arm does, or is about to."""
+    return bool((np.abs(qdot) + 0.5 * qddot**2 / limits.jerk).max() > AT_REST)
 
 
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
@@ -374,6 +377,6 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
     swing, earliest, reason = (None, math.inf, None) if target is None else strike(model, start, target, strike_time, limits)
     if swing is not None:
         return swing
-    qdot = np.array(start.qdot) if _moves(start, limits) else np.zeros(7)
+    qdot = np.array(start.qdot) if _moves(start.qdot, start.qddot, limits) else np.zeros(7)
     path, _ = _homeward(model, limits, np.array(start.q), qdot, np.array(start.qddot))
     return Swing(start, math.inf, start.time + path.now, earliest, reason, path.knots, path.coefficients)

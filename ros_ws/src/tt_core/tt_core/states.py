@@ -121,20 +121,24 @@ class BallPath:
 
     def at(self, time: float) -> BallState:
         """The ball at `time`, after the bounce when a bounce is at `time`; raises OutOfRange outside the path."""
-        time = check_range("time", time, self.times[0], self.times[-1])
-        i = min(int(self.times.searchsorted(time, side="right")), len(self.times) - 1)
-        h = float(self.times[i] - self.times[i - 1]) if i else 0.0
-        if h == 0.0:
-            return BallState.trusted(time, self.positions[i], self.velocities[i], self.spins[i])
-        s = float(time - self.times[i - 1]) / h
-        rise, u = s * s * (3.0 - 2.0 * s), 1.0 - s  # cubic Hermite, and its derivative
-        slope = 6.0 * s * u / h
-        weights = [[1.0 - rise, rise, h * s * u * u, -h * s * s * u], [-slope, slope, u * (1.0 - 3.0 * s), s * (3.0 * s - 2.0)]]
-        position, velocity = np.array(weights) @ np.concatenate([self.positions[i - 1 : i + 1], self.velocities[i - 1 : i + 1]])
-        spin = np.array([u, s]) @ self.spins[i - 1 : i + 1]
-        for array in (position, velocity, spin):
-            array.flags.writeable = False
-        return BallState.trusted(time, position, velocity, spin)
+        row = self.rows(np.array([check_range("time", time, self.times[0], self.times[-1])]))[0]
+        return BallState.trusted(float(time), row[:3], row[3:6], row[6:])
+
+    def rows(self, times: Array) -> Array:
+        """(n, 9) position, velocity, spin at times (n,) s on the path, after the bounce when a bounce is at one of them; read-only."""
+        i = np.minimum(self.times.searchsorted(times, side="right"), len(self.times) - 1)
+        before = np.maximum(i - 1, 0)
+        h = self.times[i] - self.times[before]
+        h = np.where(h > 0.0, h, 1.0)
+        s = np.where(self.times[i] > self.times[before], (times - self.times[before]) / h, 1.0)[:, None]
+        h, u, out = h[:, None], 1.0 - s, np.empty((len(times), 9))
+        p0, p1, v0, v1 = self.positions[before], self.positions[i], self.velocities[before], self.velocities[i]
+        rise, slope = s * s * (3.0 - 2.0 * s), 6.0 * s * u / h  # cubic Hermite, and its derivative
+        out[:, :3] = p0 + rise * (p1 - p0) + h * s * u * (u * v0 - s * v1)
+        out[:, 3:6] = slope * (p1 - p0) + u * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+        out[:, 6:] = u * self.spins[before] + s * self.spins[i]
+        out.flags.writeable = False
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,15 +66,10 @@ def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
     if len(path.bounces) != 1:
         return []
     times = np.arange(path.bounces[0].time + params.spacing, path.times[-1], params.spacing)
-    x = np.interp(times, path.times, path.positions[:, 0])  # by chords, within a millimetre
-    balls = (path.at(t) for t in times[(x >= params.x_low - 0.01) & (x <= params.x_high + 0.01)])
-    return [
-        ball
-        for ball in balls
-        if params.x_low <= ball.position[0] <= params.x_high
-        and params.y_low <= ball.position[1] <= params.y_high
-        and params.z_low <= ball.position[2] <= params.z_high
-    ]
+    rows = path.rows(times)
+    low, high = (params.x_low, params.y_low, params.z_low), (params.x_high, params.y_high, params.z_high)
+    inside = np.flatnonzero(((rows[:, :3] >= low) & (rows[:, :3] <= high)).all(axis=1))
+    return [BallState.trusted(float(times[i]), rows[i, :3], rows[i, 3:6], rows[i, 6:]) for i in inside]
 
 
 def intercept(
@@ -94,7 +90,7 @@ def intercept(
 
     def cost(ball: BallState, stroke: Stroke, time: float) -> float:
         assert stroke.racket is not None
-        speed = float(np.linalg.norm(stroke.racket.velocity)) / params.racket_speed
+        speed = math.hypot(*stroke.racket.velocity.tolist()) / params.racket_speed
         return speed + landing_spread(ball, stroke, time, physics, errors) / params.landing_spread
 
     for ball in balls:

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from tt_core.bounce import rebound_racket
 from tt_core.errors import check_range
-from tt_core.flight import fly
+from tt_core.flight import fly_into
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
@@ -46,25 +46,25 @@ def landing_covariance(
 
     ball (9,) at the hit; racket by velocity and angles; sigmas (11,) as of ErrorParams.
     """
-    ends, out = np.empty((2, 3)), np.zeros((2, 2))
+    ends, out, work = np.empty((2, 2)), np.zeros((2, 2)), np.empty((8, 3))
+    state, end, racket, normal = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
     for i in range(11):
         if sigmas[i] == 0.0:
             continue
         for side in range(2):
             shift = sigmas[i] if side == 0 else -sigmas[i]
-            state, racket, angles = ball.copy(), velocity.copy(), np.array([alpha, beta])
+            state[:], racket[:], a, b = ball, velocity, alpha, beta
             if i < 3:
                 racket[i] += shift
             elif i == 3:
-                angles[0] += shift
+                a += shift
             elif i == 4:
-                angles[1] += shift / math.cos(alpha)
+                b += shift / math.cos(alpha)
             else:
                 state[i - 2] += shift
-            a, b = angles[0], angles[1]
-            normal = np.array([math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)])
+            normal[0], normal[1], normal[2] = math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)
             rebound_racket(state[3:6], state[6:9], racket, normal, rubber)
-            end = fly(state, flight_time, air, COARSE_STEP)
+            fly_into(state, flight_time, air, COARSE_STEP, end, work)
             for k in range(2):  # on along its velocity to the height of the goal
                 ends[side, k] = end[k] - end[2] * end[3 + k] / end[5]
         dx, dy = 0.5 * (ends[0, 0] - ends[1, 0]), 0.5 * (ends[0, 1] - ends[1, 1])

@@ -268,7 +268,7 @@ def solve(
         return Stroke(None, None, residual, made, _why(met, missing, share, goal), missing, share)
     out.flags.writeable = False
     velocity = out[9:12]
-    if racket_speed < math.inf and (speed := math.hypot(*velocity)) > racket_speed:
+    if racket_speed < math.inf and (speed := math.hypot(*velocity.tolist())) > racket_speed:
         reason = f"racket speed {speed:.2f} m/s is over {racket_speed:g} m/s"
         return Stroke(None, None, residual, made, reason, speed - racket_speed, share)
     racket = RacketState.trusted(ball.time, out[15:], velocity, alpha, beta)

@@ -44,29 +44,30 @@ class Outcome:
     contacts: list[Contact] = field(default_factory=list)
 
     @property
-    def hit(self) -> Contact | None:
-        """The contact with the racket."""
-        return next((c for c in self.contacts if c.surface == "racket"), None)
+    def _struck(self) -> int | None:
+        """Which contact is with the racket."""
+        return next((i for i, c in enumerate(self.contacts) if c.surface == "racket"), None)
 
     @property
-    def _returning(self) -> list[Contact]:
-        """After the hit."""
-        return [] if self.hit is None else self.contacts[self.contacts.index(self.hit) + 1 :]
+    def hit(self) -> Contact | None:
+        """The contact with the racket."""
+        return None if (i := self._struck) is None else self.contacts[i]
 
     @property
     def landing(self) -> Contact | None:
         """What the ball met first after the hit; a net that it got over does not count."""
-        return next((c for c in self._returning if c.surface != "net"), None)
+        return None if (i := self._struck) is None else next((c for c in self.contacts[i + 1 :] if c.surface != "net"), None)
 
     @property
     def result(self) -> str:
         """What it is as far as the contacts go: missed until hit, then flying until it meets something."""
-        if self.hit is None:
+        i = self._struck
+        if i is None:
             return "missed"
-        before = self.contacts[: self.contacts.index(self.hit)]
+        before, after = self.contacts[:i], self.contacts[i + 1 :]
         if sum(c.surface == "table" and c.before.position[0] < NET_X for c in before) > 1:
             return "double bounce"
-        landing, net = self.landing, any(c.surface == "net" for c in self._returning)
+        landing, net = self.landing, any(c.surface == "net" for c in after)
         if landing is not None and landing.surface == "table" and landing.before.position[0] > NET_X:
             return "returned"
         if landing is None or net:
@@ -75,8 +76,8 @@ class Outcome:
 
     def followed_until(self, longest: float) -> float:
         """s, when nothing more of interest happens, as far as contacts tell; `longest` at most."""
-        if self.landing is not None:
-            longest = min(longest, self.landing.before.time + AFTER_LANDING)
+        if (landing := self.landing) is not None:
+            longest = min(longest, landing.before.time + AFTER_LANDING)
         floor = next((c.before.time for c in self.contacts if c.surface == "floor"), longest)
         return min(longest, floor)
 
