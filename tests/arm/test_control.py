@@ -128,6 +128,20 @@ def test_the_first_is_taken_even_with_nothing_to_spare():
     assert choice.swing.earliest <= hasty.time
 
 
+def test_with_the_next_ball_at_once_the_arm_takes_what_has_it_back_soonest():
+    def taken(hurry, balls):
+        arm = Arm(params=ControlParams(hurry=hurry))
+        arm.run(0.05)
+        return [arm.control.take(rackets) for rackets in balls]
+
+    first, second = printed(0.5)[:1], [printed(1.1)[i] for i in (4, 0, 1, 2, 3)]
+    assert [choice.index for choice in taken(0.0, (first, second))] == [0, 0]
+    assert [choice.index for choice in taken(0.5, (first, second))] == [0, 0]  # 0.6 s apart
+    alone = [taken(0.0, (first, [racket]))[1].swing.end_time for racket in second]
+    hurried = taken(1.0, (first, second))[1]
+    assert hurried.swing.end_time == min(alone) < alone[0]
+
+
 def test_why_each_candidate_failed_is_told():
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)

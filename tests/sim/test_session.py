@@ -40,10 +40,11 @@ def test_the_first_ball_meets_an_arm_that_waits():
     assert first.outcome.landing.before.vector == pytest.approx(alone.outcome.landing.before.vector, abs=1e-6)
 
 
-def test_slow_balls_are_returned_and_fast_ones_come_too_early():
+def test_slow_balls_are_returned_and_most_fast_ones():
     assert [episode.miss for episode in session(SLOW, 2)] == [None, None, None]  # 2.3 s apart; the arm waits again after 2 s
-    first, *others = (episode.miss for episode in session(FAST, 2))
-    assert first is None and "too late" in others  # 0.64 s apart: the arm needs as long to be back
+    fast = [episode.miss for number in (0, 1, 2, 3) for episode in session(FAST, number)]  # 0.64 s apart: the arm needs as long to be back
+    assert {None, "too late"} == set(fast)
+    assert fast.count(None) >= 9  # of 12; 10 on the day, 8 when the arm does not hurry
 
 
 def test_a_ball_is_one_of_its_session(fast):

@@ -20,12 +20,14 @@ HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
 class ChoiceParams:
     """How long the arm looks among the candidates."""
 
-    tries: int = 6  # candidates that are worked out, 5 ms each
+    tries: int = 6  # candidates that are worked out until one can be made, 1 ms each
+    hurried: int = 12  # candidates that are all worked out when balls come one after the other
     spare: float = 0.02  # s, that the posture should leave to spare, if there is one
     method: str = "best"  # of `reach`; "liu" for comparison
 
     def __post_init__(self) -> None:
         check_range("tries", self.tries, 1, 100)
+        check_range("hurried", self.hurried, 1, 100)
         check_range("spare", self.spare, 0.0, 1.0)
         if self.method not in ("best", "near", "liu"):
             raise TtError(f"method {self.method!r} is none of best, near, liu")
@@ -60,10 +62,12 @@ def choose(
     reaching: ReachParams,
     params: ChoiceParams,
     current: tuple[RacketState, Reach] | None = None,
+    hurried: bool = False,
 ) -> Choice:
     """The first candidate that the arm can make from `start` in time, within its limits.
 
-    current: the stroke on its way, adjusted where it can be. A stroke out of reach raises nothing: it is a reason.
+    current: the stroke on its way, adjusted where it can be. hurried: the candidate after which the arm waits again soonest instead, for
+    another ball comes at once. A stroke out of reach raises nothing: it is a reason.
     """
     reasons: list[str] = []
     if current is not None and rackets:
@@ -73,7 +77,9 @@ def choose(
         if swing is not None:
             return Choice(nearest, rackets[nearest], target, swing, ())
         reasons.append(f"{nearest} adjusted: {reason}")
-    for i, racket in enumerate(rackets[: params.tries]):
+    found: tuple[int, RacketState, Reach, Swing] | None = None
+    tries = params.hurried if hurried else params.tries
+    for i, racket in enumerate(rackets[:tries]):
         left = racket.time - start.time - limits.ramp
         # at the last in time at any price; the search knows what the jerk limit takes only nearly, hence a quarter
         for spare, weight in ((params.spare, reaching.return_weight), (0.25 * params.spare, 0.0)):
@@ -81,11 +87,16 @@ def choose(
             given = replace(reaching, swing_time=time, acceleration=limits.acceleration, return_weight=weight)
             target = reach(model, racket, start.q, given, qdot=start.qdot, method=params.method)
             swing, earliest, reason = strike(model, start, target, racket.time, limits)
-            if swing is not None:
-                return Choice(i, racket, target, swing, tuple(reasons))
-            if earliest - racket.time > HOPELESS:
+            if swing is not None or earliest - racket.time > HOPELESS:
                 break
-        reasons.append(f"{i}: {reason}")
-    if len(rackets) > params.tries:
-        reasons.append(f"{params.tries} to {len(rackets) - 1}: not tried")
+        if swing is None:
+            reasons.append(f"{i}: {reason}")
+        elif found is None or swing.end_time < found[3].end_time:
+            found = i, racket, target, swing
+        if found is not None and not hurried:
+            break
+    if found is not None:
+        return Choice(*found, tuple(reasons))
+    if len(rackets) > tries:
+        reasons.append(f"{tries} to {len(rackets) - 1}: not tried")
     return Choice(None, None, None, None, tuple(reasons))

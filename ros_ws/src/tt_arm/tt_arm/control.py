@@ -25,6 +25,7 @@ class ControlParams:
     replan: bool = True  # newer strokes for the ball on its way may change the swing
     replan_distance: float = 0.002  # m, what they must differ by, see `apart`
     same_ball: float = 0.2  # s, strikes closer than this are for one ball; at 94 balls a minute those of two are 0.3 s apart
+    hurry: float = 1.0  # s from the strike for one ball to that for the next, below which the arm hurries; see `choose`
     lost: float = 0.15  # rad off the path, at which the swing is given up
     horizon: float = 3.0  # s, a strike further ahead than this is refused
 
@@ -32,6 +33,7 @@ class ControlParams:
         check_range("ahead", self.ahead, 0.0, 0.5)
         check_range("replan_distance", self.replan_distance, 0.0, 1.0)
         check_range("same_ball", self.same_ball, 0.0, 10.0)
+        check_range("hurry", self.hurry, 0.0, 1000.0)
         check_range("lost", self.lost, 0.01, 3.0)
         check_range("horizon", self.horizon, 0.1, 1000.0)
 
@@ -68,6 +70,7 @@ class ArmControl:
         self.coming: Swing | None = None
         self.stroke: tuple[RacketState, Reach] | None = None
         self._begin = -np.inf  # s, the strike before the coming one, which no newer swing may touch
+        self._before = self._ball = -np.inf  # s, when the ball before this one, and this one, can be hit first
 
     def enable(self, on: bool, reason: str = "not enabled") -> None:
         """Switches motion on, forgetting what latched, or off by a controlled stop for that reason."""
@@ -112,10 +115,17 @@ class ArmControl:
             begin, current = current[0].time, None
         time = max(self.joints.time + self.params.ahead, begin)
         path = self.coming if self.coming is not None and self.coming.start.time <= time else self.swing
-        choice = choose(self.model, rackets, path.joints(time), self.limits, self.reaching, self.choosing, current)
+        choice = choose(self.model, rackets, path.joints(time), self.limits, self.reaching, self.choosing, current, self._hurries(rackets))
         if choice.swing is not None and choice.racket is not None and choice.reach is not None:
             self.coming, self.stroke, self._begin = choice.swing, (choice.racket, choice.reach), begin
         return choice
+
+    def _hurries(self, rackets: Sequence[RacketState]) -> bool:
+        """Whether these are for a ball that comes soon after another one, be that hit or not."""
+        ball = min((racket.time for racket in rackets), default=-np.inf)
+        if ball > self._ball + self.params.same_ball:
+            self._before, self._ball = self._ball, ball
+        return self._ball < self._before + self.params.hurry
 
     def watch(self, time: float) -> Array | None:
         """The next command (7,) of a stop when at `time` (s) the last joint state is stale; None while all is well.
@@ -142,7 +152,7 @@ class ArmControl:
 
     def _forget(self) -> None:
         self.swing = self.coming = self.stroke = None
-        self._begin = -np.inf
+        self._begin = self._before = self._ball = -np.inf
 
 
 def warm(model: ArmModel) -> None:
