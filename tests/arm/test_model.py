@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from arm import appendix_b
 from arm.printed import REFERENCE_WAITING
 from hypothesis import given
 from hypothesis import strategies as st
@@ -53,20 +54,13 @@ def test_the_kernel_is_pinocchio(q):
 
 @given(postures)
 def test_the_chain_is_appendix_b(q):
-    """The product (B.1)-(B.8), with the racket at the flange itself."""
-    l_b, l_s, l_e, l_w = MODEL.chain.lengths
-    turned, point = np.eye(3), np.array([0.0, 0.0, l_b])
-    for axis, angle, ahead in zip("zyzyzyz", q, (0, 0, l_s, 0, l_e, 0, l_w), strict=True):
-        point = point + turned @ [0, 0, ahead]
-        turned = turned @ rotation(axis, angle)
-    flange = ArmModel.pa10(base=(0, 0, 0, 0), mount=(0, 0))
-    position, at_flange = flange.racket(q)
-    assert position == pytest.approx(point, abs=1e-12)
-    assert at_flange == pytest.approx(turned, abs=1e-12)
-    c, s = np.cos(q), np.sin(q)  # (B.20), t34
-    t34 = l_w * (-s[5] * c[4] * s[1] * c[2] * c[3] - s[5] * c[4] * c[1] * s[3] + s[5] * s[1] * s[2] * s[4] - c[5] * s[1] * c[2] * s[3])
-    t34 += l_w * c[5] * c[1] * c[3] - l_e * s[1] * c[2] * s[3] + l_e * c[1] * c[3] + c[1] * l_s + l_b
-    assert position[2] == pytest.approx(t34, abs=1e-12)
+    """With the racket at the flange itself."""
+    flange, lengths = ArmModel.pa10(base=(0, 0, 0, 0), mount=(0, 0)), MODEL.chain.lengths
+    position, turned = flange.racket(q)
+    printed = appendix_b.pose(q, lengths)
+    assert position == pytest.approx(printed[:3, 3], abs=1e-12)
+    assert turned == pytest.approx(printed[:3, :3], abs=1e-12)
+    assert flange.jacobian(q) == pytest.approx(appendix_b.jacobian(q, lengths), abs=1e-12)
 
 
 @given(postures)
