@@ -18,6 +18,7 @@ from tt_bringup.report import read
 from tt_sim.drill import STROKES_AT, TICK, strokes
 from tt_sim.plant import Plant, PlantParams
 
+NEEDED = ("/arm_trajectory_controller/joint_trajectory", "/joint_states", "/diagnostics")
 AROUND = 0.5  # s, shown before and after the strike
 
 
@@ -28,11 +29,14 @@ def recorded(bag: Path) -> tuple[np.ndarray, np.ndarray, float]:
     def seconds(t):
         return t.sec + 1e-9 * t.nanosec
 
-    swing = found["/arm_trajectory_controller/joint_trajectory"][-1]
+    missing = [topic for topic in NEEDED if not found.get(topic)]
+    if missing:
+        raise SystemExit(f"{bag} holds no {', '.join(missing)}: a recording of a swing is needed")
+    swing = found[NEEDED[0]][-1]
     begin = seconds(swing.header.stamp)
     reference = np.array([[begin + seconds(p.time_from_start), *p.positions, *p.velocities] for p in swing.points])
-    measured = np.array([[seconds(m.header.stamp), *m.position, *m.velocity] for m in found["/joint_states"]])
-    told = [{v.key: v.value for v in s.values} for m in found["/diagnostics"] for s in m.status if s.name == "arm" and s.message == "swing"]
+    measured = np.array([[seconds(m.header.stamp), *m.position, *m.velocity] for m in found[NEEDED[1]]])
+    told = [{v.key: v.value for v in s.values} for m in found[NEEDED[2]] for s in m.status if s.name == "arm" and s.message == "swing"]
     return reference, measured, float(told[-1]["strike"])
 
 
