@@ -25,7 +25,7 @@ class Arm:
 
     def __init__(self, plant=None, **given):
         self.control, self.plant, self.joints = ArmControl(MODEL, **given), Plant(MODEL, plant), HELD
-        self.rng, self.begun, self.reasons = np.random.default_rng(0), [], set()
+        self.rng, self.begun, self.reasons, self.command = np.random.default_rng(0), [], set(), np.zeros(7)
         self.control.enable(True)
 
     def run(self, until, at=None):
@@ -37,6 +37,7 @@ class Arm:
             self.reasons.add(step.reason)
             if at is not None and self.joints.time <= at < self.joints.time + TICK:
                 racket = self.plant.racket(self.joints, step.command, at - self.joints.time)
+            self.command = step.command
             self.joints = self.plant.advance(self.joints, step.command, TICK)
         return racket
 
@@ -190,6 +191,27 @@ def test_silence_stops_the_arm_and_it_goes_on_afterwards():
     assert np.abs(arm.joints.qdot).max() < 1e-6
     arm.run(2.5)
     assert arm.joints.q == pytest.approx(MODEL.waiting, abs=1e-3)
+
+
+@pytest.mark.parametrize("hold", [0.07, 0.09, 0.12, 0.2])
+@pytest.mark.parametrize("begin", [0.2, 0.35, 0.45, 0.6])
+def test_after_a_pause_of_the_joint_states_the_arm_goes_on(begin, hold):
+    """The swing that the stop has spoilt is given up: to chase it would be cut for so long that the guard latches."""
+    arm = Arm()
+    arm.run(0.05)
+    arm.control.take([printed(0.5)[0]])
+    arm.run(begin)
+    for i in range(round(hold / TICK)):
+        if i % 10 == 9:  # as the node's timer looks, each 20 ms
+            stop = arm.control.watch(arm.joints.time)
+            arm.command = arm.command if stop is None else stop
+        arm.joints = arm.plant.advance(arm.joints, arm.command, TICK)
+    arm.run(arm.joints.time + 0.3)
+    assert arm.control.guard.latched is None
+    time = arm.joints.time + 0.6
+    assert arm.control.take([printed(time)[0]]).index == 0
+    position, _, _ = missed(arm.run(time + 1.5, time), printed(time)[0])
+    assert position < 0.5  # mm, as without the pause
 
 
 def test_an_old_joint_state_stops_the_arm_too():

@@ -87,12 +87,13 @@ class ArmControl:
             self._forget()
             return Step(self.guard.stop(joints.time), self.guard.latched or self._off)
         if now is not None and self._late > 1:
+            self._give_up()
             return Step(self.guard.stop(joints.time), f"joint state is {now - joints.time:.3f} s old")
         begun = None
         if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
             self.swing, self.coming, begun = self.coming, None, self.coming
         if self.swing is None or np.abs(self.swing.sample(joints.time)[0] - joints.q).max() > self.params.lost:
-            self._forget()
+            self._give_up()
             self.swing = plan(self.model, joints, None, joints.time, self.limits)
         wanted = follow(self.swing, joints.time, joints.q, self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
@@ -101,8 +102,10 @@ class ArmControl:
 
     def take(self, rackets: Sequence[RacketState]) -> Choice:
         """Plans for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
-        if not self.enabled or self.guard.latched or self.joints is None or self.swing is None:
+        if not self.enabled or self.guard.latched:
             return Choice(None, None, None, None, (self.guard.latched or self._off,))
+        if self.joints is None or self.swing is None:
+            return Choice(None, None, None, None, ("no joint state in time",))
         if rackets and min(r.time for r in rackets) > self.joints.time + self.params.horizon:
             return Choice(None, None, None, None, (f"the strike is {rackets[0].time - self.joints.time:.2f} s ahead",))
         current, begin = self.stroke if self.stroke is not None and self.stroke[0].time > self.joints.time else None, self._begin
@@ -130,11 +133,15 @@ class ArmControl:
     def watch(self, time: float) -> Array | None:
         """The next command (7,) of a stop when at `time` (s) the last joint state is stale; None while all is well.
 
-        The second look in a row counts, here and in `step`: a process that was held up itself has old mail, once.
+        The second look in a row counts, here and in `step`: a process that was held up itself has old mail, once. Where the arm was braked
+        its swing is given up: it goes on from where it is then, for to chase a swing that has moved on would be cut until it latches.
         """
         stale = self.joints is not None and self.guard.stale(self.joints.time, time)
         self._stale_looks = self._stale_looks + 1 if stale else 0
-        return self.guard.stop(time) if self._stale_looks > 1 else None
+        if self._stale_looks < 2:
+            return None
+        self._give_up()
+        return self.guard.stop(time)
 
     def fail(self, reason: str) -> Array:
         """Something else broke: latches; the command (7,) is zero at once, the drives brake, for nothing here may be trusted."""
@@ -150,9 +157,13 @@ class ArmControl:
             commands.append(self.guard.stop(time + (len(commands) + 1) * tick))
         return commands
 
-    def _forget(self) -> None:
+    def _give_up(self) -> None:
         self.swing = self.coming = self.stroke = None
-        self._begin = self._before = self._ball = -np.inf
+        self._begin = -np.inf
+
+    def _forget(self) -> None:
+        self._give_up()
+        self._before = self._ball = -np.inf
 
 
 def warm(model: ArmModel) -> None:
