@@ -116,4 +116,4 @@ def test_a_camera_that_is_a_bit_elsewhere_changes_no_velocity(film, seed):
     assert np.linalg.norm(off.velocity - true.velocity) < 0.015  # m/s; 0.008 at most of these, 0.025 to 0.04 with the offsets left in
     assert 0.2 < np.abs(off.offsets).max() < 2.0
     assert np.abs(true.offsets).max() < 0.1
-    assert off.residual < true.residual + 0.05  # pixels; 0.02, and 0.16 to 0.35
+    assert off.residual < true.residual + 0.03  # pixels; 0.02, and 0.16 to 0.35

@@ -22,7 +22,7 @@ from .posture import ONES, search, turning
 from .speeds import allocate, least_shares, steady_rows, steady_rows_into
 
 FINER = 2  # times the grid, where the plain one finds no posture at all
-NEWTON_STEPS, NEWTON_ENDS = 50, 1e-9  # steps at most; m and rad, where Newton's method ends
+NEWTON_STEPS, NEWTON_ENDS = 50, 7e-10  # steps at most; m and rad about either axis, where it ends: 1e-9 about both
 UNSOLVED = "Newton's method did not converge"
 
 

@@ -19,6 +19,7 @@ from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.states import Array, BallState
 from tt_vision.camera import Camera, project_point, ray
+from tt_vision.registration import rotation_matrix
 
 SAMPLES = 16  # rays a pixel, each at its own instant of the exposure: 0.5 grey levels rms
 FACE = 256  # texels along one face of the cube of a texture, 0.2 pixels in the image
@@ -282,16 +283,6 @@ def _pixel(corners: np.ndarray, v: int, u: int, k: int) -> tuple[float, float, f
 
 
 @njit(cache=True, nogil=True)
-def _rotation(turn: np.ndarray) -> np.ndarray:
-    """(3, 3) of a rotation vector (3,) rad, by Rodrigues' formula."""
-    angle = math.sqrt(turn @ turn)
-    s, c = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-6 else (1.0, 0.5)
-    x, y, z = turn
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + s * cross + c * (cross @ cross)
-
-
-@njit(cache=True, nogil=True)
 def _instants(camera: np.ndarray, state: np.ndarray, turn: np.ndarray, axes: np.ndarray, exposure: float) -> np.ndarray:
     """(12 * ROW,) evenly spaced over the exposure: rows of the ball's centre from the eye, and of the rotation from the sight's frame
     to the ball's."""
@@ -300,7 +291,7 @@ def _instants(camera: np.ndarray, state: np.ndarray, turn: np.ndarray, axes: np.
     for i in range(ROW):
         time = exposure * ((i % SAMPLES + 0.5) / SAMPLES - 0.5)
         table[:3, i] = axes @ (state[:3] + time * state[3:6] - eye) / BALL_RADIUS
-        table[3:, i] = (turn.T @ _rotation(-time * state[6:]) @ axes.T).ravel()
+        table[3:, i] = (turn.T @ rotation_matrix(-time * state[6:]) @ axes.T).ravel()
     return table.ravel()
 
 

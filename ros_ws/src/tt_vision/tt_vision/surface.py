@@ -90,12 +90,15 @@ def unwrap(
     light = Light.of(stack, normals, table, cameras, lamps)
     white, shine = shade(normals, table, light.harmonics, light.gloss, light.gains, light.lamps)
     marks, weights = _divide(stack, normals, white, shine)
-    half, mass = _halved(marks, weights)
-    sums = [cv2.GaussianBlur(sums.reshape(-1, size // 2), (0, 0), SOFT).reshape(mass.shape) for sums in (half, mass)]  # far enough apart
-    soft = sums[0] / np.maximum(sums[1], 1e-3)
+    sums, mass = (cv2.resize(x.reshape(-1, size), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for x in (marks * weights, weights))
+    # one ball above the other, far enough apart for the blur
+    blurred = cv2.GaussianBlur(sums, (0, 0), SOFT) / np.maximum(cv2.GaussianBlur(mass, (0, 0), SOFT), 1e-3)
+    soft, soft_weights = (x.reshape(len(marks), size // 2, size // 2).astype(np.float32, copy=False) for x in (blurred, mass))
     frame, from_middle = np.arange(len(table)) % count, np.asarray(times, dtype=np.float64)
-    contrast, soft_contrast = _variance(marks, weights), _variance(soft, mass)
-    return Surface(_sloped(marks, weights), _sloped(soft, mass), table, frame, from_middle, contrast, soft_contrast, stack, normals, light)
+    contrast, soft_contrast = _variance(marks, weights), _variance(soft, soft_weights)
+    return Surface(
+        _sloped(marks, weights), _sloped(soft, soft_weights), table, frame, from_middle, contrast, soft_contrast, stack, normals, light
+    )
 
 
 def _views(positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Array:
@@ -170,23 +173,6 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> float:
         from_white, weight = flat[i] - 1.0, mass[i]
         total, first, second = total + weight, first + weight * from_white, second + weight * from_white * from_white
     return (second - first * first / total) / total
-
-
-@njit(cache=True, nogil=True)
-def _halved(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(images, size / 2, size / 2): weighted sum of values, and mean weight, of four pixels each, as four quarters."""
-    half, quarter = values.shape[1] // 2, np.float32(0.25)
-    sums, mass = np.empty((len(values), half, half), dtype=np.float32), np.empty((len(values), half, half), dtype=np.float32)
-    for m in range(len(values)):
-        for j in range(half):
-            for i in range(half):
-                total, weight = np.float32(0.0), np.float32(0.0)
-                for v in range(2 * j, 2 * j + 2):
-                    for u in range(2 * i, 2 * i + 2):
-                        total += weights[m, v, u] * values[m, v, u]
-                        weight += weights[m, v, u]
-                sums[m, j, i], mass[m, j, i] = quarter * total, quarter * weight
-    return sums, mass
 
 
 @njit(cache=True, nogil=True)

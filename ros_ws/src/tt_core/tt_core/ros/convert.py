@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import array
 import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -140,25 +139,13 @@ def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
     return ReturnGoal(np.array([landing.x, landing.y]), seconds(point.time_from_start), spin.y, spin.z)
 
 
-def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """x, y, z, w of a rotation matrix (3, 3), by the largest of the four (Shepperd)."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    squares = (a - e - i, e - a - i, i - a - e, a + e + i)  # each 4 times its square, less 1
-    most = squares.index(max(squares))
-    four = 2.0 * math.sqrt(1.0 + squares[most])  # 4 times itself
-    own = 0.25 * four * four
-    products = (own, b + d, c + g, h - f), (b + d, own, f + h, c - g), (c + g, f + h, own, d - b), (h - f, c - g, d - b, own)
-    x, y, z, w = (product / four for product in products[most])
-    return x, y, z, w
-
-
 def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
     """Candidates in order of preference; time: s, of the last frame that they rest on."""
     points = []
     for racket in rackets:
         point = _point(racket.time - time, racket.position, racket.velocity, np.zeros(3))
         q = point.transforms[0].rotation
-        q.x, q.y, q.z, q.w = _quaternion(racket.rotation)
+        q.x, q.y, q.z, q.w = Rotation.from_matrix(racket.rotation).as_quat()
         points.append(point)
     return _trajectory(time, "racket", points)
 
@@ -197,7 +184,7 @@ def racket_to_message(time: float, position: Array, rotation: Array, velocity: A
     stamp(time, message.header.stamp)
     _fill(message.pose.pose.position, position)
     q = message.pose.pose.orientation
-    q.x, q.y, q.z, q.w = _quaternion(rotation)
+    q.x, q.y, q.z, q.w = Rotation.from_matrix(rotation).as_quat()
     _fill(message.twist.twist.linear, velocity)
     return message
 
