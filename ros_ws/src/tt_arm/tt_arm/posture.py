@@ -20,6 +20,7 @@ from .speeds import least_shares, least_shares_steady, steady_rows_into
 LIMIT_COST = 20.0  # per rad beyond the room kept from a position limit
 LATE_COST = 5.0  # for each of the times below that is too short
 LATER = (1.0, 1.1, 1.4, 2.0, 3.0, 1e3)  # times the swing time; the last one asks what the joints can do at all
+SCATTERED = 173  # the grid is walked in such strides, to meet a good posture early: a prime that is larger than any grid
 STARTS = 2  # postures of the grid that are refined
 CLOSE = 3.0  # cost above the best of the grid, up to which a posture may still be refined to a better one
 STEEP = 8.0  # per rad of the step: a start that costs more than this above the best is given up
@@ -221,17 +222,18 @@ def search(
         np.empty(7), np.empty(7), np.empty(5), np.empty(7), np.empty(7), np.empty(7),
     )  # fmt: skip
     q, qdot, here_q, here_qdot, best_q, best_qdot = np.empty((6, 7))
-    for i in range(grid):
-        for j in range(grid):
-            costs[i, j] = _posture(
-                i * step, j * step, position, rotation, velocity, seed, limits, weights, chain, least + CLOSE, q, qdot, scratch
-            )
-            if costs[i, j] < least:
-                least = costs[i, j]
+    for n in range(grid * grid):
+        at = SCATTERED * n % (grid * grid)
+        i, j = at // grid, at % grid
+        costs[i, j] = _posture(
+            i * step, j * step, position, rotation, velocity, seed, limits, weights, chain, least + CLOSE, q, qdot, scratch
+        )
+        if costs[i, j] < least:
+            least = costs[i, j]
     best, best_turn, best_swivel = math.inf, math.inf, math.inf
     best_q[:], best_qdot[:] = seed[0], 0.0
     for _ in range(STARTS):
-        at = np.argmin(costs)
+        at = int(np.argmin(costs))
         i, j = at // grid, at % grid
         if costs[i, j] == math.inf:
             break

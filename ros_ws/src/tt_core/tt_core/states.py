@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from .errors import BadShape, TtError, check_array, check_range
 
@@ -126,19 +127,27 @@ class BallPath:
 
     def rows(self, times: Array) -> Array:
         """(n, 9) position, velocity, spin at times (n,) s on the path, after the bounce when a bounce is at one of them; read-only."""
-        i = np.minimum(self.times.searchsorted(times, side="right"), len(self.times) - 1)
-        before = np.maximum(i - 1, 0)
-        h = self.times[i] - self.times[before]
-        h = np.where(h > 0.0, h, 1.0)
-        s = np.where(self.times[i] > self.times[before], (times - self.times[before]) / h, 1.0)[:, None]
-        h, u, out = h[:, None], 1.0 - s, np.empty((len(times), 9))
-        p0, p1, v0, v1 = self.positions[before], self.positions[i], self.velocities[before], self.velocities[i]
-        rise, slope = s * s * (3.0 - 2.0 * s), 6.0 * s * u / h  # cubic Hermite, and its derivative
-        out[:, :3] = p0 + rise * (p1 - p0) + h * s * u * (u * v0 - s * v1)
-        out[:, 3:6] = slope * (p1 - p0) + u * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-        out[:, 6:] = u * self.spins[before] + s * self.spins[i]
+        out = _between(np.array(self.times), np.array(self.positions), np.array(self.velocities), np.array(self.spins), np.array(times))
         out.flags.writeable = False
         return out
+
+
+@njit(cache=True)
+def _between(times: Array, positions: Array, velocities: Array, spins: Array, at: Array) -> Array:
+    """(m, 9) at times `at` (m,) of n points; cubic in position, its derivative in velocity, linear in spin."""
+    out, last = np.empty((len(at), 9)), len(times) - 1
+    for k in range(len(at)):
+        i = min(np.searchsorted(times, at[k], side="right"), last)
+        b = max(i - 1, 0)
+        h = times[i] - times[b]
+        h, s = (h, (at[k] - times[b]) / h) if h > 0.0 else (1.0, 1.0)
+        u = 1.0 - s
+        for j in range(3):
+            way, v0, v1 = positions[i, j] - positions[b, j], velocities[b, j], velocities[i, j]
+            out[k, j] = positions[b, j] + s * s * (3.0 - 2.0 * s) * way + h * s * u * (u * v0 - s * v1)
+            out[k, 3 + j] = 6.0 * s * u / h * way + u * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
+            out[k, 6 + j] = u * spins[b, j] + s * spins[i, j]
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)

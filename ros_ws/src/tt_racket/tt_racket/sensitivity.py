@@ -42,32 +42,29 @@ class ErrorParams:
 def landing_covariance(
     ball: Array, velocity: Array, alpha: float, beta: float, flight_time: float, sigmas: Array, air: Array, rubber: Array
 ) -> Array:
-    """(2, 2) m^2 of the place where the ball comes down to the height of the goal: linear, by differences of one sigma to both sides.
+    """(2, 2) m^2 of the place where the ball comes down to the height of the goal: linear, by differences of one sigma.
 
     ball (9,) at the hit; racket by velocity and angles; sigmas (11,) as of ErrorParams.
     """
-    ends, out, work = np.empty((2, 2)), np.zeros((2, 2)), np.empty((8, 3))
+    out, work, aim = np.zeros((2, 2)), np.empty((8, 3)), np.zeros(2)
     state, end, racket, normal = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
-    for i in range(11):
-        if sigmas[i] == 0.0:
-            continue
-        for side in range(2):
-            shift = sigmas[i] if side == 0 else -sigmas[i]
-            state[:], racket[:], a, b = ball, velocity, alpha, beta
-            if i < 3:
-                racket[i] += shift
-            elif i == 3:
-                a += shift
-            elif i == 4:
-                b += shift / math.cos(alpha)
-            else:
-                state[i - 2] += shift
-            normal[0], normal[1], normal[2] = math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)
-            rebound_racket(state[3:6], state[6:9], racket, normal, rubber)
-            fly_into(state, flight_time, air, COARSE_STEP, end, work)
-            for k in range(2):  # on along its velocity to the height of the goal
-                ends[side, k] = end[k] - end[2] * end[3 + k] / end[5]
-        dx, dy = 0.5 * (ends[0, 0] - ends[1, 0]), 0.5 * (ends[0, 1] - ends[1, 1])
+    for i in range(-1, 11):  # -1: none
+        state[:], racket[:], a, b = ball, velocity, alpha, beta
+        if i >= 5:
+            state[i - 2] += sigmas[i]
+        elif i == 4:
+            b += sigmas[i] / math.cos(alpha)
+        elif i == 3:
+            a += sigmas[i]
+        elif i >= 0:
+            racket[i] += sigmas[i]
+        normal[0], normal[1], normal[2] = math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)
+        rebound_racket(state[3:6], state[6:9], racket, normal, rubber)
+        fly_into(state, flight_time, air, COARSE_STEP, end, work)
+        x, y = end[0] - end[2] * end[3] / end[5], end[1] - end[2] * end[4] / end[5]  # on along its velocity to the height of the goal
+        if i < 0:
+            aim[0], aim[1] = x, y
+        dx, dy = x - aim[0], y - aim[1]
         out[0, 0] += dx * dx
         out[0, 1] += dx * dy
         out[1, 1] += dy * dy

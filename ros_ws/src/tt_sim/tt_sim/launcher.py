@@ -12,6 +12,7 @@ import functools
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 from tt_core.errors import TtError, check_range
@@ -108,9 +109,9 @@ def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generat
     v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in row(kind, scale, params.z))
     yaw = rng.normal({"left": params.side_yaw, "right": -params.side_yaw}.get(kind, 0.0), params.yaw_scatter)
     velocity = np.array([v_x * math.cos(yaw), v_x * math.sin(yaw), v_z])
-    tilt = Rotation.from_rotvec(rng.normal(0.0, params.axis_scatter, 3))
+    tilt, _ = cv2.Rodrigues(rng.normal(0.0, params.axis_scatter, 3))
     place = np.array([params.x, params.y, params.z]) + rng.normal(0.0, params.place_scatter, 3)
-    return BallState(0.0, place, velocity, tilt.apply(spin * np.array(_AXES[kind]))), Rotation.random(rng=rng).as_matrix()
+    return BallState(0.0, place, velocity, tilt @ (spin * np.array(_AXES[kind]))), Rotation.random(rng=rng).as_matrix()
 
 
 def shot(text: str) -> tuple[str, int]:

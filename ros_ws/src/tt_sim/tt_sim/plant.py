@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -73,7 +74,10 @@ class Plant:
     def __init__(self, model: ArmModel, params: PlantParams | None = None) -> None:
         self.model, self.params = model, params or PlantParams()
         self.limits = np.column_stack([model.position_limits, self.params.speed_share * model.speed_limits])
-        self._data = model.pinocchio.createData()
+
+    @cached_property
+    def _data(self) -> pin.Data:
+        return self.model.pinocchio.createData()
 
     def advance(self, state: Joints, command: Array, duration: float) -> Joints:
         """The joints `duration` (s) later under one command (7,) rad/s. Raises OutOfRange, BadShape, NotFinite."""

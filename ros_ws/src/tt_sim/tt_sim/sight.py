@@ -9,17 +9,20 @@ that scenarios play. A ball faster than FASTEST is refused, the fit says nothing
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import yaml
+from numba import njit
 from scipy.optimize import nnls
 from tt_core.constants import BALL_RADIUS
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_vision.burst import BurstParams
-from tt_vision.camera import Camera
+from tt_vision.camera import Camera, sight
 from tt_vision.rig import FRAME_RATE
 
 from .outcome import places
@@ -42,7 +45,7 @@ class Sight:
     @classmethod
     def fitted(cls, errors: Array, speeds: Array, spins: Array, refused: float) -> Sight:
         """errors: (n, 9), measured minus true. speeds: (n,) m/s. spins: (n,) rad/s."""
-        causes = _causes(speeds, spins)
+        causes = _causes(speeds, spins).T
         # each square weighs as the inverse of its own expectation, in two passes
         parts = np.zeros((9, 4))
         for i in range(9):
@@ -65,7 +68,7 @@ class Sight:
 
     def sigmas(self, ball: BallState) -> Array:
         """(9,) standard deviations for that ball."""
-        causes = _causes(np.array([np.linalg.norm(ball.velocity)]), np.array([np.linalg.norm(ball.spin)]))[0]
+        causes = _causes(math.hypot(*ball.velocity.tolist()), math.hypot(*ball.spin.tolist()))
         return np.asarray(np.sqrt(self.parts @ causes))
 
     def measured(self, ball: BallState, rng: np.random.Generator) -> BallState:
@@ -80,9 +83,10 @@ class Sight:
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _causes(speeds: Array, spins: Array) -> Array:
-    """(n, 4) of balls at speeds (n,) m/s and spins (n,) rad/s."""
-    return np.column_stack([np.ones(len(speeds)), (spins / SPIN) ** 2, (speeds / SPEED) ** 2, (speeds / SPEED) ** 4])
+def _causes(speeds: Array | float, spins: Array | float) -> Array:
+    """(4, n) of balls at speeds (n,) m/s and spins (n,) rad/s, or (4,) of one."""
+    s = speeds / SPEED
+    return np.array([s**0, (spins / SPIN) ** 2, s**2, s**4])
 
 
 @functools.cache
@@ -92,15 +96,21 @@ def _load(name: str) -> Sight:
     return Sight(content["refused"], parts, np.array(content["correlation"]))
 
 
+@njit(cache=True)
+def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray[np.bool_]:
+    """(n,) whether an image of `width` by `height` shows all of a ball at points (n, 3) m. camera: Camera.vector."""
+    whole, radius = np.empty(len(points), dtype=np.bool_), camera[12] * BALL_RADIUS
+    for i in range(len(points)):
+        u, v, depth = sight(camera, points[i, 0], points[i, 1], points[i, 2])
+        room = radius / depth + MARGIN
+        whole[i] = room < u < width - 1 - room and room < v < height - 1 - room
+    return whole
+
+
 def last_frame(ball: BallState, cameras: tuple[Camera, ...], physics: Physics, frames: int = BurstParams.frames) -> float | None:
     """s, of the last frame of the burst: the first `frames` that show the whole ball in all images; None when there are not enough."""
     times = np.arange(1, FRAMES) / FRAME_RATE
-    at = places(ball.vector, times, physics.air.coefficients)
-    whole = np.ones(len(times), dtype=bool)
-    for camera in cameras:
-        depth = at @ camera.rotation[2] + camera.translation[2]
-        radius = camera.focal_length / camera.pixel_size * BALL_RADIUS / depth + MARGIN
-        u, v = camera.project(at).T
-        whole &= (u > radius) & (v > radius) & (u < camera.width - 1 - radius) & (v < camera.height - 1 - radius)
+    points = places(ball.vector, times, physics.air.coefficients)
+    whole = np.logical_and.reduce([_whole(camera.vector, camera.width, camera.height, points) for camera in cameras])
     seen = np.flatnonzero(whole)
     return None if len(seen) < frames else ball.time + float(times[seen[frames - 1]])

@@ -6,11 +6,13 @@ import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
+from numba import njit
 from scipy.spatial.transform import Rotation
 from tt_core.errors import check_range
 from tt_core.flight import fly
 from tt_core.states import Array
-from tt_vision.camera import Camera
+from tt_vision.camera import Camera, sight
 from tt_vision.rig import WIDE_RATE, wide_pair
 
 from .hardware import Tick
@@ -47,6 +49,18 @@ def believed() -> tuple[Camera, Camera]:
     return wide_pair()
 
 
+@njit(cache=True)
+def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArray[np.bool_], step: float, pixels: Array) -> None:
+    """Turns the scatter of centres, pixels (n, 2), into centres, in place, of a ball at places (n, 3) m that are not lost (n,)."""
+    for i in range(len(places)):
+        u, v, _ = sight(camera, places[i, 0], places[i, 1], places[i, 2])
+        u, v = u + pixels[i, 0], v + pixels[i, 1]
+        if step > 0.0:
+            u, v = np.rint(u / step) * step, np.rint(v / step) * step
+        told = not lost[i] and 0.0 <= u <= width - 1 and 0.0 <= v <= height - 1
+        pixels[i, 0], pixels[i, 1] = (u, v) if told else (np.nan, np.nan)
+
+
 class WidePair:
     """The pair as it really stands. rng: of where that is."""
 
@@ -56,13 +70,12 @@ class WidePair:
 
     def pixels(self, places: Array, rng: np.random.Generator) -> Array:
         """(2, n, 2) of a ball at `places` (n, 3) m, NaN where a camera does not see it or does not tell."""
-        faults, shape = self.faults, (2, len(places), 2)
-        seen = np.stack([camera.project(places) for camera in self.cameras]) + faults.noise * rng.standard_normal(shape)
-        if faults.step > 0.0:
-            seen = np.round(seen / faults.step) * faults.step
-        with np.errstate(invalid="ignore"):
-            outside = ((seen < 0.0) | (seen > np.array([self.cameras[0].width - 1, self.cameras[0].height - 1]))).any(axis=2)
-        seen[outside | (rng.uniform(size=shape[:2]) < faults.dropped)] = np.nan
+        seen, dropped = (
+            self.faults.noise * rng.standard_normal((2, len(places), 2)),
+            rng.uniform(size=(2, len(places))) < self.faults.dropped,
+        )
+        for camera, scatter, lost in zip(self.cameras, seen, dropped, strict=True):
+            _tell(camera.vector, camera.width, camera.height, places, lost, self.faults.step, scatter)
         return seen
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -99,7 +100,7 @@ class Camera:
         u, v = self.principal_point  # type: ignore[misc]
         return np.array([[self.focal_pixels, 0.0, u], [0.0, self.focal_pixels, v], [0.0, 0.0, 1.0]])
 
-    @property
+    @cached_property
     def vector(self) -> Array:
         """(20,) for the kernels: rotation by rows, translation, focal length in pixels, principal point, distortion."""
         head = [self.rotation.ravel(), self.translation, [self.focal_pixels]]
@@ -145,15 +146,22 @@ def ray(camera: Array, u: float, v: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
+def sight(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Pixel and depth (m) of a point in `table`, m; NaN where it is not in front of the camera. camera: Camera.vector. Not validated."""
+    depth = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
+    if depth <= 0.0:
+        return math.nan, math.nan, depth
+    across = camera[0] * x + camera[1] * y + camera[2] * z + camera[9]
+    down = camera[3] * x + camera[4] * y + camera[5] * z + camera[10]
+    u, v = project_point(camera, across, down, depth)
+    return u, v, depth
+
+
+@njit(cache=True, nogil=True)
 def _project(camera: Array, points: Array) -> Array:
-    pixels = np.full((len(points), 2), np.nan)
+    pixels = np.empty((len(points), 2))
     for i in range(len(points)):
-        p, q, s = points[i]
-        z = camera[6] * p + camera[7] * q + camera[8] * s + camera[11]
-        if z > 0.0:
-            x = camera[0] * p + camera[1] * q + camera[2] * s + camera[9]
-            y = camera[3] * p + camera[4] * q + camera[5] * s + camera[10]
-            pixels[i, 0], pixels[i, 1] = project_point(camera, x, y, z)
+        pixels[i, 0], pixels[i, 1], _ = sight(camera, points[i, 0], points[i, 1], points[i, 2])
     return pixels
 
 
