@@ -27,6 +27,7 @@ NET_RESTITUTION = 0.1  # of the speed towards the net, an assumption: cord and c
 NET_DRAG = 0.1  # share of the speed along the net and of the spin that it takes, an assumption
 LEAST_CONTACT = 1e-3  # m: a ball that is a point cannot touch a disc
 SMALL_STEP = 1e-3  # s, near a body: a ball moves less than its radius
+HALVINGS = 36  # of SMALL_STEP, to 1.5e-14 s
 LYING = 0.03  # m/s, a ball that meets the table more slowly does not bounce any more
 MOST = 64  # contacts of one call, after which a ball lies
 
@@ -179,7 +180,7 @@ def _meets(
     low, high = 0.0, h
     if (rate > 0.0 and end_gap <= 0.0) or (rate <= 0.0 and end_gap > 0.0 and end_rate > 0.0):  # by way of the furthest or the nearest point
         a, b = 0.0, h
-        for _ in range(50):
+        for _ in range(HALVINGS):
             middle = 0.5 * (a + b)
             turned = _look(surface, ball, middle, since, rackets, tick, air, contact, radius, trial, work, racket, normal)[1] > 0.0
             if turned == (rate > 0.0):
@@ -194,7 +195,7 @@ def _meets(
                 return np.inf
     elif end_gap > 0.0:
         return np.inf
-    for _ in range(50):
+    for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if _look(surface, ball, middle, since, rackets, tick, air, contact, radius, trial, work, racket, normal)[0] <= 0.0:
             high = middle
@@ -227,6 +228,7 @@ def travel(
     is still in play: not on the floor, not lying. With more contacts than the log holds it lies.
     """
     work, trial, racket, normal, v = np.empty((8, 3)), np.empty(9), np.empty(12), np.empty(3), np.empty(3)
+    soonest = np.empty(5)  # s, in which each surface can be reached at the earliest
     fastest = 1.0
     for i in range(len(rackets)):
         speed = math.sqrt(rackets[i, 6] ** 2 + rackets[i, 7] ** 2 + rackets[i, 8] ** 2)
@@ -235,11 +237,11 @@ def travel(
     t, n = since, 0
     while until - t > 1e-12:
         speed = 1.0 + math.sqrt(ball[3] ** 2 + ball[4] ** 2 + ball[5] ** 2)
-        safe = MAX_STEP * ease(ball, air)
         _racket_at(rackets, tick, t, racket)
         for surface in range(1, 5):
             gap = _distance(surface, ball, racket, contact, radius, normal)
-            safe = min(safe, gap / (speed + (fastest if surface == _RACKET else 0.0)))
+            soonest[surface] = gap / (speed + (fastest if surface == _RACKET else 0.0))
+        safe = min(MAX_STEP * ease(ball, air), soonest[1:].min())
         if safe > SMALL_STEP:
             h = min(safe, until - t)
             step(ball, h, air, ball, work)
@@ -247,6 +249,8 @@ def travel(
             continue
         h, met, first = min(SMALL_STEP, until - t), _NONE, np.inf
         for surface in range(1, 5):
+            if soonest[surface] > h:
+                continue
             at = _meets(surface, ball, h, t, rackets, tick, air, contact, radius, trial, work, racket, normal)
             if at < first:
                 met, first = surface, at
