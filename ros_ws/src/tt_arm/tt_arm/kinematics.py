@@ -106,8 +106,9 @@ def _aim(rotation: Array, x: float, y: float, z: float, q: Array, i: int) -> Non
     b = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
     c = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
     across = math.sqrt(a * a + b * b)
-    q[i], q[i + 1] = math.atan2(b, a), math.atan2(across, c)
-    if across > 0.0:
+    q[i], q[i + 1] = 0.0, math.atan2(across, c)
+    if across > 0.0:  # it is 0 for a and b below 1e-162, too
+        q[i] = math.atan2(b, a)
         _turn(rotation, 2, a / across, b / across)
     _turn(rotation, 1, c, across)
 
