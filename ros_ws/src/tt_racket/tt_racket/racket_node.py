@@ -11,7 +11,7 @@ from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
-from tt_core.states import BallState, ReturnGoal
+from tt_core.states import BallPath, BallState, ReturnGoal
 
 from .goal import GoalParams, answer
 from .intercept import InterceptParams, intercept
@@ -33,7 +33,8 @@ class RacketNode(Node):
         self.goal: ReturnGoal | None = None
         ball = BallState(0.0, np.array([-0.15, 0.7, 0.25]), np.array([-4.0, 0.0, 0.3]), np.array([0.0, -150.0, 0.0]))
         goal = answer(ball.spin, self.goal_params)
-        landing_spread(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)  # loads the kernels
+        BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)  # loads the kernels, as does
+        landing_spread(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)
         self.status = Status(self)
         self.strokes = self.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         self.create_subscription(MultiDOFJointTrajectory, "/return/goal", self.on_goal, LATCHED)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tt_core.errors import check_range
 from tt_core.flight import fly
 from tt_core.states import Array
-from tt_vision.camera import Camera, sight
+from tt_vision.camera import Camera, project_from_table
 from tt_vision.rig import WIDE_RATE, wide_pair
 
 from .hardware import Tick
@@ -53,7 +53,7 @@ def believed() -> tuple[Camera, Camera]:
 def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArray[np.bool_], step: float, pixels: Array) -> None:
     """Turns the scatter of centres, pixels (n, 2), into centres, in place, of a ball at places (n, 3) m that are not lost (n,)."""
     for i in range(len(places)):
-        u, v, _ = sight(camera, places[i, 0], places[i, 1], places[i, 2])
+        u, v, _ = project_from_table(camera, places[i, 0], places[i, 1], places[i, 2])
         u, v = u + pixels[i, 0], v + pixels[i, 1]
         if step > 0.0:
             u, v = np.rint(u / step) * step, np.rint(v / step) * step
@@ -70,12 +70,11 @@ class WidePair:
 
     def pixels(self, places: Array, rng: np.random.Generator) -> Array:
         """(2, n, 2) of a ball at `places` (n, 3) m, NaN where a camera does not see it or does not tell."""
-        seen, dropped = (
-            self.faults.noise * rng.standard_normal((2, len(places), 2)),
-            rng.uniform(size=(2, len(places))) < self.faults.dropped,
-        )
+        faults, n = self.faults, len(places)
+        seen = faults.noise * rng.standard_normal((2, n, 2))
+        dropped = rng.uniform(size=(2, n)) < faults.dropped
         for camera, scatter, lost in zip(self.cameras, seen, dropped, strict=True):
-            _tell(camera.vector, camera.width, camera.height, places, lost, self.faults.step, scatter)
+            _tell(camera.vector, camera.width, camera.height, places, lost, faults.step, scatter)
         return seen
 
 

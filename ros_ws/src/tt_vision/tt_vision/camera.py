@@ -146,7 +146,7 @@ def ray(camera: Array, u: float, v: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def sight(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+def project_from_table(camera: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Pixel and depth (m) of a point in `table`, m; NaN where it is not in front of the camera. camera: Camera.vector. Not validated."""
     depth = camera[6] * x + camera[7] * y + camera[8] * z + camera[11]
     if depth <= 0.0:
@@ -161,7 +161,7 @@ def sight(camera: Array, x: float, y: float, z: float) -> tuple[float, float, fl
 def _project(camera: Array, points: Array) -> Array:
     pixels = np.empty((len(points), 2))
     for i in range(len(points)):
-        pixels[i, 0], pixels[i, 1], _ = sight(camera, points[i, 0], points[i, 1], points[i, 2])
+        pixels[i, 0], pixels[i, 1], _ = project_from_table(camera, points[i, 0], points[i, 1], points[i, 2])
     return pixels
 
 
