@@ -1,0 +1,88 @@
+"""Subscriptions for data that may be anything: the size of a message is checked before it is converted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from ..errors import BadMessage, TtError, check_range
+
+LOOK = 0.25  # s between two looks at who publishes
+
+
+class Input:
+    """Subscribe to one topic with a bound on the size of its messages.
+
+    The subscription follows its publishers. It asks for `qos`, and where one of them offers less (best effort instead of reliable,
+    volatile instead of transient local) it asks for no more than that, because DDS would not connect the two otherwise.
+
+    Attributes:
+        topic: The resolved name.
+        publishers: How many publishers the topic had at the last look.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        qos: QoSProfile,
+        *,
+        largest: int,
+        refused: Callable[[TtError], None],
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: The node that subscribes.
+            kind: Message type.
+            topic: Name, relative or absolute.
+            callback: Takes each message that is accepted.
+            qos: What is asked for where the publishers offer it.
+            largest: Bytes of a serialized message, above which it is refused.
+            refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
+        """
+        self._node, self._kind, self._callback, self._wanted = node, kind, callback, qos
+        self._largest, self._refused = largest, refused
+        self.topic, self.publishers = node.resolve_topic_name(topic), 0
+        self._asked = (qos.reliability, qos.durability)
+        self._subscription = self._subscribe()
+        node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def look(self) -> None:
+        """Ask for what all publishers that are there now can serve."""
+        offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
+        self.publishers = len(offered)
+        best_effort = any(qos.reliability is ReliabilityPolicy.BEST_EFFORT for qos in offered)
+        volatile = any(qos.durability is DurabilityPolicy.VOLATILE for qos in offered)
+        asked = (
+            ReliabilityPolicy.BEST_EFFORT if best_effort else self._wanted.reliability,
+            DurabilityPolicy.VOLATILE if volatile else self._wanted.durability,
+        )
+        if offered and asked != self._asked:
+            self._asked = asked
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._subscribe()
+
+    def _subscribe(self) -> Any:
+        reliability, durability = self._asked
+        qos = QoSProfile(depth=self._wanted.depth, reliability=reliability, durability=durability)
+        return self._node.create_subscription(self._kind, self.topic, self._on_data, qos, raw=True)
+
+    def _on_data(self, data: bytes) -> None:
+        try:
+            check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)
+            message = deserialize_message(data, self._kind)
+        except TtError as error:
+            self._refused(error)
+        except RuntimeError as error:  # rclpy's RMWError: the bytes are no message of this type
+            self._refused(BadMessage(f"message on {self.topic} cannot be read: {error}"))
+        else:
+            self._callback(message)
