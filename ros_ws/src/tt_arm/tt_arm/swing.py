@@ -151,7 +151,7 @@ def _longer(
         return time
     while not _holds(time + STEP, q0, v0, a0, q1, v1, speed, acceleration, jerk, kind):
         time += STEP
-        if time > LONGEST:
+        if not time <= LONGEST:  # also where it is NaN
             return np.inf
     low, high = time, time + STEP
     for _ in range(20):
