@@ -119,7 +119,7 @@ def levers(chain: Chain) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def path_clearance(
     end: float, step: float, braking: float, enough: float, knots: Array, coefficients: Array, chain: Chain
 ) -> tuple[float, int]:  # fmt: skip

@@ -107,6 +107,7 @@ class ArmControl:
         self.coming: Swing | None = None
         self.stroke: tuple[RacketState, Reach] | None = None
         self.held: dict[str, Failure] = {}  # why the arm must not move for now, by who says so
+        self._refusal: tuple[Failure | None, float] = None, -np.inf  # why a joint state was refused last, and when (s, monotonic)
         self._scale = 1.0
         self._arriving = False  # until the waiting posture is reached for the first time
         self._cut_since: float | None = None
@@ -181,6 +182,7 @@ class ArmControl:
 
     def refuse(self, now: float, failure: Failure) -> Step:
         """Return the next command of a stop, for a joint state that cannot be used. The swing may go on with the next good one."""
+        self._refusal = failure, now
         return Step(self.guard.stop(now), self.stopped_by or failure)
 
     def watch(self, now: float) -> Step | None:
@@ -189,7 +191,9 @@ class ArmControl:
         if silence is None:
             return None
         self.joints = None
-        return self.refuse(now, silence)
+        failure, at = self._refusal
+        reason = failure if now - at < self.states.deadline else silence  # states that come but cannot be used tell more than silence
+        return Step(self.guard.stop(now), self.stopped_by or reason)
 
     def take(self, rackets: Sequence[RacketState]) -> Choice:
         """Plan for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""

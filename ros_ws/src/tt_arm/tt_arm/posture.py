@@ -212,7 +212,7 @@ def _posture(
     return best
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def search(
     position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, grid: int, chain: Chain
 ) -> tuple[float, Array, Array]:
