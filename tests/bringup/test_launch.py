@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import signal
 import sys
 import time
@@ -14,6 +15,7 @@ from tt_bringup.launch import LaunchError, Process, System, arguments, processes
 
 SOURCES = Path(__file__).parents[2] / "ros_ws" / "src"
 LAUNCH_FILES = sorted((SOURCES / "tt_bringup" / "launch").glob("*.launch.yaml"))
+SCRIPTS = sorted(SOURCES.glob("*/scripts/*"))
 NODE = """
 launch:
   - arg: {name: speed, default: "1.0"}
@@ -104,21 +106,22 @@ def test_an_unknown_argument_names_the_known_ones(file):
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_nodes_exist(path):
-    """Every node is an entry point of its package, and every argument is told and used."""
+    """Every node is installed by its package, and every argument is told and used."""
     for kind, keys in read(path):
         if kind == "node":
             setup = (SOURCES / keys["pkg"] / "setup.py").read_text()
-            scripts = {node.value.split("=")[0].strip() for node in ast.walk(ast.parse(setup)) if _is_entry_point(node)}
-            if not scripts:
-                pytest.skip(f"{keys['pkg']} has no node yet")
-            assert keys["exec"] in scripts
+            assert f"scripts/{keys['exec']}" in {node.value for node in ast.walk(ast.parse(setup)) if isinstance(node, ast.Constant)}
     for argument in arguments(path):
         assert argument.description
         assert f"$(var {argument.name})" in path.read_text()
 
 
-def _is_entry_point(node):
-    return isinstance(node, ast.Constant) and isinstance(node.value, str) and "=" in node.value and ":" in node.value
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_our_executables_start_a_module_with_interrupts_blocked(script):
+    shebang, *_, last = script.read_text().splitlines()
+    assert shebang == "#!/usr/bin/env -S --block-signal=INT python3" and os.access(script, os.X_OK)
+    module = re.fullmatch(r'start\("(\w+)\.(\w+)"\)', last)
+    assert module and "def main()" in (SOURCES / module[1] / module[1] / f"{module[2]}.py").read_text()
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)

@@ -20,5 +20,5 @@ class CrashingArm(ArmNode):
         return step
 
 
-if __name__ == "__main__":
+def main() -> None:
     run(CrashingArm)

@@ -56,8 +56,8 @@ def record(args: argparse.Namespace) -> None:
     output = args.output or datetime.now().strftime("rosbag2_%Y_%m_%d-%H_%M_%S")
     wanted = {"output": output, "topics": topics, "exclude": args.exclude_regex}
     parameters = [word for name, value in wanted.items() if value for word in ("-p", f"{name}:={json.dumps(value)}")]
-    command = [sys.executable, "-m", "tt_bringup.record_node", "--ros-args", *parameters]
-    os.execv(sys.executable, command)
+    program = packages.executable("tt_bringup", "record_node")
+    os.execv(program, [str(program), "--ros-args", *parameters])
 
 
 def play(args: argparse.Namespace) -> None:
