@@ -1,8 +1,8 @@
 """Starts the processes of a launch file and keeps them together.
 
-The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `set_env`, `node` and `executable` with the
-keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname) and $(not-equals A B), whose operands may
-be quoted or substitutions themselves. https://github.com/ros2/launch
+The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `set_env`, `node` and `executable` with
+the keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname) and $(not-equals A B), whose
+operands may be quoted or substitutions themselves. https://github.com/ros2/launch
 """
 
 from __future__ import annotations
