@@ -27,6 +27,7 @@ from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
 from tt_core.errors import check_range
+from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
     ball_to_message,
     camera_to_message,
@@ -118,6 +119,7 @@ class SimNode(Node):
         self.true_racket = self.create_publisher(Odometry, "/sim/racket", TRUTH)
         self.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
         self.create_service(Trigger, "/launcher/launch", self.on_launch)
+        answer_clock_pings(self)
         warm(self.plant)
         self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
         sys.setswitchinterval(SWITCH)
