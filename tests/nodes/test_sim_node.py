@@ -11,6 +11,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
+from tt_arm.model import WAITING
 from tt_core.ros.convert import ball_from_message, image_from_message, pixel_from_message, seconds
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
 from tt_core.ros.status import read_status
@@ -126,15 +127,97 @@ def test_always_on_publishes_frames_without_a_ball(start, probe, until):
     assert np.median(np.diff(stamps)) == pytest.approx(1 / 900, abs=1e-5)
 
 
-def test_the_arm_does_what_it_is_told(start, probe, until):
-    start("tt_sim.sim_node")
-    states = []
+def commanded(probe, until, speed):
+    """Publish commands of `speed` rad/s for the last joint until it moves so; return the publisher, and lists of states and of statuses."""
+    states, told = [], []
     probe.create_subscription(JointState, "/joint_states", states.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: told.extend(m.status), RELIABLE)
     out = probe.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
     until(lambda: out.get_subscription_count() == 1 and states, probe)
-    out.publish(Float64MultiArray(data=[1.0, 2.0]))  # too few: refused, survived
-    until(lambda: abs(states[-1].velocity[6] - 0.5) < 1e-3 or out.publish(Float64MultiArray(data=[0.0] * 6 + [0.5])), probe)
+    keep_moving(probe, until, states, out, speed)
+    return out, states, told
+
+
+def keep_moving(probe, until, states, out, speed):
+    until(lambda: abs(states[-1].velocity[6] - speed) < 1e-3 or out.publish(Float64MultiArray(data=[0.0] * 6 + [speed])), probe)
+
+
+def brakes(states, first):
+    """Whether the last joint, moving backwards, has come to rest since the state `first`, nowhere faster than at the braking limit."""
+    speeds = np.array([[seconds(m.header.stamp), m.velocity[6]] for m in states[first - 1 :]])
+    if abs(speeds[-1, 1]) > 1e-3:
+        return False
+    # rounding of stamps; a tick that this process lost makes the step longer in time, too
+    assert np.all(np.diff(speeds[:, 1]) <= 20.0 * 1.001 * np.diff(speeds[:, 0]))
+    return True
+
+
+def test_the_arm_does_what_it_is_told(start, probe, until):
+    start("tt_sim.sim_node")
+    _, states, _ = commanded(probe, until, 0.5)
     assert states[-1].velocity[:6] == pytest.approx([0.0] * 6, abs=1e-6)
+
+
+@pytest.mark.parametrize("last", ["nothing", [1.0, 2.0], [np.nan] * 7, [np.inf] * 7, [1e17] * 7, [0.0] * 1000], ids=str)
+def test_without_good_commands_the_drives_brake(last, start, probe, until):
+    start("tt_sim.sim_node")
+    out, states, told = commanded(probe, until, -1.0)
+    first = len(states)
+    if last == "nothing":
+        until(lambda: brakes(states, first), probe)
+        return
+    until(lambda: brakes(states, first) or out.publish(Float64MultiArray(data=last)), probe)
+    until(lambda: any(status.message.startswith("command refused:") for status in told), probe)
+    keep_moving(probe, until, states, out, -0.5)
+
+
+def test_two_who_command_are_both_refused_by_name(start, probe, until):
+    """Until one is left; the other one is a node of its own name."""
+    start("tt_sim.sim_node")
+    out, states, told = commanded(probe, until, -1.0)
+    import rclpy
+
+    other = rclpy.create_node("intruder", context=probe.context)
+    other.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
+    first = len(states)
+
+    def refused():
+        out.publish(Float64MultiArray(data=[0.0] * 6 + [-1.0]))
+        return any("/intruder" in status.message and "/probe" in status.message for status in told) and brakes(states, first)
+
+    until(refused, probe)
+    other.destroy_node()
+    keep_moving(probe, until, states, out, -0.5)
+
+
+def test_the_arm_s_own_record_is_told_and_at_once_when_a_bound_is_broken(start, probe, until):
+    start("tt_sim.sim_node")
+    out, _, told = commanded(probe, until, 5.0)
+
+    def record():
+        return [{v.key: v.value for v in status.values} for status in told if status.name == "sim: arm record"]
+
+    until(lambda: len(record()) >= 2, probe)
+    assert all(float(values["speed"]) <= 1.0 and int(values["end_stop_hits"]) == 0 for values in record()[:1])
+    until(lambda: int(record()[-1]["end_stop_hits"]) > 0 or out.publish(Float64MultiArray(data=[0.0] * 6 + [5.0])), probe)
+    broken = record()[-1]
+    assert float(broken["limit_distance"]) == 0.0
+    assert float(broken["acceleration"]) > 100.0  # rad/s^2: 5 rad/s in one tick of 2 ms is 2500
+
+
+def test_killed_and_started_again_it_works_at_once(start, probe, until):
+    for _ in range(3):
+        node = start("tt_sim.sim_node")
+        states = []
+        listening = probe.create_subscription(JointState, "/joint_states", states.append, RELIABLE)
+        out = probe.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
+        until(lambda states=states: states, probe)
+        assert states[0].position == pytest.approx(WAITING, abs=1e-9)
+        keep_moving(probe, until, states, out, -0.5)
+        node.kill()
+        node.wait()
+        probe.destroy_subscription(listening)
+        probe.destroy_publisher(out)
 
 
 def test_bad_parameters_end_it_with_the_reason(start):

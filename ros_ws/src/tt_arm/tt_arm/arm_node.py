@@ -24,6 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError, check_range
 from tt_core.failures import Failure
+from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
 from tt_core.ros.inputs import Input
 from tt_core.ros.params import declare, parameter
@@ -80,7 +81,7 @@ class ArmNode(Node):
         sys.setswitchinterval(SWITCH)
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
-        self.arrival = threading.Event()
+        self.arrival, self.ending = threading.Event(), False
         self.commands = self.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", LATEST)
         self.states = Input(self, JointState, "/joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
@@ -93,6 +94,9 @@ class ArmNode(Node):
             largest=LARGEST_STROKES,
             refused=self.on_refused_strokes,
         )
+        self.clock_offset = check_range("clock_offset", parameter(self, "clock_offset", 0.002), 1e-4, 10.0)  # s, that clocks may differ by
+        self.clocks = ClockMonitor(self, self.status, self.clock_offset)
+        self.worst_clock = self.clocks.worst()
         self.create_service(SetBool, "/arm/enable", self.on_enable)
         self.create_service(Trigger, "/arm/stop", self.on_stop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -174,9 +178,11 @@ class ArmNode(Node):
 
     def plan(self) -> None:
         """Take the newest strokes, again and again; the planning thread."""
-        while self.context.ok():
+        while True:
             self.arrival.wait()
             self.arrival.clear()
+            if self.ending:
+                return
             message, self.strokes = self.strokes, None
             if message is None:
                 continue
@@ -186,14 +192,15 @@ class ArmNode(Node):
             except TtError as error:
                 self.on_refused_strokes(error)
             except Exception as error:  # a fault in planning is no reason to stop the servo
-                if self.context.ok():
+                if not self.ending:
                     self.get_logger().error(f"planning failed: {type(error).__name__}: {error}", throttle_duration_sec=1.0)
                     self.status.tell(f"planning failed: {type(error).__name__}: {error}", warn=True)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
-        stamp, bound = seconds(message.header.stamp), self.control.states.params.ahead
-        if stamp > self.now() + bound:
-            self.status.tell(str(Failure(ArmStop.STROKES_AHEAD, age=stamp - self.now(), bound=bound)), warn=True)
+        stamp = seconds(message.header.stamp)
+        failure = self.wrong_clock(stamp)
+        if failure is not None:
+            self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=failure)
             return
         choice = self.control.take(strokes_from_message(message))
         reasons = "; ".join(choice.reasons)
@@ -213,6 +220,15 @@ class ArmNode(Node):
         )
         self.swings.publish(swing_to_message(self.joints, choice.swing.start.time, *choice.swing.table(POINTS)))
 
+    def wrong_clock(self, stamp: float) -> Failure | None:
+        """Why strokes that rest on a frame of `stamp` (s) would be made at a wrong time, if so."""
+        bound, worst = self.control.states.params.ahead, self.worst_clock
+        if stamp > self.now() + bound:
+            return Failure(ArmStop.STROKES_AHEAD, age=stamp - self.now(), bound=bound)
+        if worst is not None and worst.least > self.clock_offset:
+            return Failure(ArmStop.CLOCK_OFFSET, source=worst.source, offset=worst.offset, bound=self.clock_offset)
+        return None
+
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.control.enable(request.data)
         response.success, response.message = True, "enabled" if request.data else "disabled"
@@ -224,7 +240,7 @@ class ArmNode(Node):
         return response
 
     def on_look(self) -> None:
-        """Stop the arm while anybody else publishes commands or joint states."""
+        """Stop the arm while anybody else publishes commands or joint states; see whose clock is off most."""
         for topic in (self.commands.topic_name, self.states.topic):
             publishers = self.get_publishers_info_by_topic(topic)
             failure = None
@@ -232,6 +248,7 @@ class ArmNode(Node):
                 names = ", ".join(sorted(f"{p.node_namespace.rstrip('/')}/{p.node_name}" for p in publishers))
                 failure = Failure(ArmStop.SECOND_PUBLISHER, count=len(publishers), topic=topic, names=names)
             self.control.hold(topic, failure)
+        self.worst_clock = self.clocks.worst()
 
     def now(self) -> float:
         """s, by the node's clock."""
@@ -258,6 +275,8 @@ class ArmNode(Node):
             if not command.any():
                 break
             time.sleep(TICK)
+        self.ending = True
+        self.arrival.set()
         self.told_at = 0.0
         self.tell(failure)
         self.commands.wait_for_all_acked(Duration(seconds=0.2))

@@ -65,7 +65,7 @@ def drill(model: ArmModel, rackets: list[RacketState], plant_params: PlantParams
     miss, tilt, end = np.nan, np.nan, LONGEST
     while joints.time < end:
         step = control.step(plant.measured(joints, rng))
-        guarded |= {step.reason} if step.reason else set()
+        guarded |= {step.reason.code.name} if step.reason else set()
         if choice is None and joints.time >= STROKES_AT:
             choice = control.take(rackets)
             end = joints.time + 0.2 if choice.swing is None else choice.swing.end_time + 0.1

@@ -9,9 +9,12 @@ from tt_arm.swing import Joints
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
+from .arm_record import ArmRecord
 from .outcome import Outcome
 from .plant import Plant
 from .world import Contact, RacketMotion, World
+
+LONGEST = 10.0  # s after the launch, when a ball is over wherever it is
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +62,7 @@ class Hardware:
             contacts = world.advance(now, (before, self._racket), self.tick)
             outcome.contacts += contacts
             ball = world.ball
-            if outcome.over(ball, now):
+            if outcome.over(ball, now) or now - outcome.launched.time > LONGEST:
                 ended.append(outcome)
         self._flights = [flight for flight in self._flights if not any(flight[1] is outcome for outcome in ended)]
         return Tick(self.joints, self._racket, contacts, ball, tuple(ended))
@@ -69,5 +72,6 @@ def warm(plant: Plant) -> None:
     """Loads the kernels, so that no tick waits for them."""
     hardware = Hardware(Physics.liu(), plant, Joints(0.0, plant.model.waiting, np.zeros(7)), 0.002)
     hardware.launch(BallState.from_vector(0.0, np.array([2.6, 0.76, 0.4, -5.0, 0.0, 1.0, 0.0, -300.0, 0.0])))
+    ArmRecord(plant.model, hardware.joints)
     for _ in range(300):  # beyond the bounce on the table
         hardware.advance(np.zeros(7))

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
+from rclpy.clock import Clock as NodeClock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
@@ -26,7 +28,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
-from tt_core.errors import check_range
+from tt_core.errors import TtError, check_range
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
     ball_to_message,
@@ -37,13 +39,16 @@ from tt_core.ros.convert import (
     racket_to_message,
     stamp,
 )
+from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.params import declare, declare_physics, parameter
-from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
+from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 from tt_core.states import BallState
 from tt_vision.rig import FRAME_RATE, high_speed_pair
 
+from .arm_record import ArmRecord
+from .drive import Drive, DriveParams
 from .hardware import Hardware, Tick, warm
 from .launcher import LauncherParams, shot
 from .plant import Plant, PlantParams
@@ -55,7 +60,11 @@ CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
 QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
-STALE = 0.1  # s, after which a command no longer holds, as in the drives of real arms
+LARGEST = 4096  # bytes of a command
+PAUSE = 0.25  # s, at least, between two refusals told
+RECORD = 1.0  # s between two words about the arm's record
+MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
+MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
 
 
 @dataclass(frozen=True)
@@ -68,12 +77,14 @@ class SimParams:
     clock_rate: float = 250.0  # 1/s, of /clock
     lead: float = 0.05  # s, from the images being ready to the launch
     always_on: bool = False  # frames without a ball are published too
+    repeat: int = 0  # launches, after which the same ones begin again; 0: never
 
     def __post_init__(self) -> None:
         check_range("rtf", self.rtf, 0.01, 10.0)
         check_range("tick", self.tick, 5e-4, 0.02)
         check_range("clock_rate", self.clock_rate, 1.0, 1000.0)
         check_range("lead", self.lead, 0.0, 5.0)
+        check_range("repeat", self.repeat, 0, 1e6)
 
 
 @dataclass
@@ -98,12 +109,14 @@ class SimNode(Node):
         self.launcher = declare(self, LauncherParams, "launcher.")
         self.shots = [shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
         world = self.world
-        self.crew = Crew(Studio(self.params.seed, self.launcher, world.physics, world.vary, world.cameras))
+        self.studio = Studio(self.params.seed, self.launcher, world.physics, world.vary, world.cameras)
+        self.crew = Crew(self.studio)
         self.cameras, self.arm = high_speed_pair(), ArmModel.pa10()
         self.plant = Plant(self.arm, self.world.plant)
-        self.command, self.commanded = np.zeros(len(self.arm.names)), 0.0  # rad/s; s, monotonic, when it came
+        self.drive = Drive(self.arm.names, self.plant.limits[:, 2], declare(self, DriveParams))
+        self.refused, self.refusal_told = 0, -np.inf  # commands since the start; s, monotonic
         self.launched, self.busy = 0, threading.Event()  # set while a launch on request waits for its images or its ball flies
-        self.ready = deque[Flight]()
+        self.ready = deque[Flight]()  # STORE at most, or the one on request
         self.shown = -np.inf  # s, monotonic, when the last image of a ball left
 
         self.status = Status(self)
@@ -117,7 +130,16 @@ class SimNode(Node):
         self.clock = self.create_publisher(Clock, "/clock", LATEST)
         self.true_ball = self.create_publisher(Odometry, "/sim/ball", TRUTH)
         self.true_racket = self.create_publisher(Odometry, "/sim/racket", TRUTH)
-        self.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
+        self.commands = Input(
+            self,
+            Float64MultiArray,
+            "/arm_velocity_controller/commands",
+            self.on_command,
+            NEWEST,
+            largest=LARGEST,
+            refused=self.on_refused,
+        )
+        self.create_timer(LOOK, self.look, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "/launcher/launch", self.on_launch)
         answer_clock_pings(self)
         warm(self.plant)
@@ -128,11 +150,25 @@ class SimNode(Node):
             threading.Thread(target=self.feed, daemon=True).start()
 
     def on_command(self, message: Float64MultiArray) -> None:
-        command = np.array(message.data)
-        if command.shape == self.command.shape and np.isfinite(command).all():
-            self.command, self.commanded = command, time.monotonic()
-        else:
-            self.status.tell(f"command refused: {len(message.data)} numbers, {len(self.command)} finite ones wanted", warn=True)
+        try:
+            self.drive.take(message.data, time.monotonic())
+        except TtError as error:
+            self.on_refused(error)
+
+    def on_refused(self, error: TtError) -> None:
+        self.refused += 1
+        if time.monotonic() - self.refusal_told >= PAUSE:
+            self.refusal_told = time.monotonic()
+            self.status.tell(f"command refused: {error}", warn=True, refused=self.refused)
+
+    def look(self) -> None:
+        """Obey no one while more than one publishes commands."""
+        names = [f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in self.get_publishers_info_by_topic(self.commands.topic)]
+        sole = len(names) <= 1
+        if sole != self.drive.sole:
+            self.drive.sole = sole
+            text = "commands obeyed: one publisher" if sole else f"commands refused: {len(names)} publishers, {', '.join(sorted(names))}"
+            self.status.tell(text, warn=not sole)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.launcher.rate or self.busy.is_set():
@@ -153,7 +189,12 @@ class SimNode(Node):
 
     def render(self) -> None:
         """The next launch."""
-        kind, scale = self.shots[self.launched % len(self.shots)]
+        repeat = self.params.repeat
+        if repeat and self.launched and self.launched % repeat == 0:
+            self.crew.close()
+            self.crew = Crew(self.studio)
+        number = self.launched % repeat if repeat else self.launched
+        kind, scale = self.shots[number % len(self.shots)]
         self.launched += 1
         try:
             take = self.crew.take(kind, scale)
@@ -172,8 +213,9 @@ class SimNode(Node):
         """Until the node is shut down."""
         try:
             self.keep_time()
-        except RuntimeError:  # published into a context that a signal has just ended
-            if self.context.ok():
+        except BaseException:
+            if self.context.ok():  # otherwise it was published into a context that a signal has just ended
+                signal.raise_signal(signal.SIGTERM)  # without ticks there is nothing to do
                 raise
 
     def keep_time(self) -> None:
@@ -182,7 +224,8 @@ class SimNode(Node):
         hardware = Hardware(self.world.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick)
         noise = np.random.default_rng(params.seed + 1)  # of the encoders; the other generator is the launches'
         wide = WideWatch(self.world.wide, self.world.physics.air.coefficients, start, np.random.default_rng(params.seed + 2))
-        late = deque[tuple[float, int, PointStamped]]()  # when they are due, s, which camera's, pixels on their way
+        record, record_told = ArmRecord(self.arm, hardware.joints), -np.inf
+        late = deque[tuple[float, int, PointStamped]](maxlen=MOST_LATE)  # when they are due, s, which camera's, pixels on their way
         dark = [
             image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
             for c, n in zip(self.cameras, CAMERAS, strict=True)
@@ -190,6 +233,7 @@ class SimNode(Node):
         flight, launch_time = None, -np.inf
         flying = dict[float, Flight]()  # by the time of launch
         period = 60.0 / self.launcher.rate if self.launcher.rate else 0.0
+        braking = True
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
             tick_due = hardware.joints.time + params.tick
@@ -209,18 +253,28 @@ class SimNode(Node):
                 if heard(self.clock):
                     self.clock.publish(Clock(clock=stamp(tick_due)))
                 clock_due = tick_due + 1.0 / params.clock_rate
-            if self.ready and tick_due + params.lead >= launch_time + period and (period or not flying):
+            free = len(flying) < (MOST_FLYING if period else 1)
+            if self.ready and tick_due + params.lead >= launch_time + period and free:
                 flight = self.ready.popleft()
                 launch_time = tick_due + params.lead
                 flying[launch_time] = flight
                 ball = BallState.from_vector(launch_time, flight.take.ball.vector)
                 hardware.launch(ball, flight.take.physics)
                 self.publish(self.true_ball, ball_to_message, ball)
-            if time.monotonic() - self.commanded > STALE / params.rtf:
-                self.command = np.zeros_like(self.command)
-            tick = hardware.advance(self.command)
-            measured = self.plant.measured(tick.joints, noise)
-            self.publish(self.joints, joints_to_message, self.arm.names, measured.time, measured.q, measured.qdot)
+            now, timeout = time.monotonic(), self.drive.params.command_timeout / params.rtf
+            behind = now - real_start - (tick_due - start) / params.rtf > timeout  # this process was held up: what it missed was no command
+            command = self.drive.command(now, params.tick, hardware.joints.qdot, -1.0 if behind else timeout)
+            if self.drive.braking != braking:
+                braking = self.drive.braking
+                self.status.tell("brakes: no command" if braking else "follows commands", part="drive", warn=braking)
+            tick = hardware.advance(command)
+            if not behind:
+                measured = self.plant.measured(tick.joints, noise)
+                self.publish(self.joints, joints_to_message, self.arm.names, measured.time, measured.q, measured.qdot)
+            if record.note(tick.joints) or now - record_told > RECORD:
+                record_told = now
+                text = "bounds kept" if record.kept else "bound broken"
+                self.status.tell(text, part="arm record", warn=not record.kept, **record.told())
             self.publish_truth(tick)
             for seen, side, pixel in wide.frames(tick, any(map(heard, self.pixels))):
                 late.append((seen + self.world.wide.latency, side, pixel_to_message(seen, pixel, f"{WIDE[side]}_optical")))

@@ -10,19 +10,22 @@ from .qos import RELIABLE
 
 
 class Status:
-    """One stage: `tell` publishes one status with the latency since `stamp` (s), the time of the last frame that the result rests on."""
+    """One stage: `tell` publishes one status with the latency since `stamp` (s), the time of the last frame that the result rests on.
+
+    part: of the node, that the status is about, if not about the whole.
+    """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
 
-    def tell(self, message: str, *, stamp: float | None = None, warn: bool = False, **values: object) -> None:
+    def tell(self, message: str, *, part: str = "", stamp: float | None = None, warn: bool = False, **values: object) -> None:
         now = self._node.get_clock().now()
         if stamp is not None:
             values = {"latency_ms": f"{1e3 * (now.nanoseconds * 1e-9 - stamp):.3f}", "stamp": f"{stamp:.9f}", **values}
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
-            name=self._node.get_name(),
+            name=f"{self._node.get_name()}: {part}" if part else self._node.get_name(),
             message=message,
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )

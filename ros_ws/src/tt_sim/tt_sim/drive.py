@@ -1,0 +1,89 @@
+"""The drives of the simulated arm: they obey the newest velocity command of one controller, and brake when there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.errors import check_array, check_range
+from tt_core.states import Array
+
+LARGEST = 100.0  # rad/s, beyond which a command is no velocity of a joint; 16 times the fastest limit
+
+
+@dataclass(frozen=True)
+class DriveParams:
+    """What the drives do without a command."""
+
+    command_timeout: float = 0.1  # s, for which a command holds, as in the drives of real arms
+    braking: float = 20.0  # rad/s^2, at which each joint brakes; what the arm's guard counts on
+
+    def __post_init__(self) -> None:
+        check_range("command_timeout", self.command_timeout, 1e-3, 10.0)
+        check_range("braking", self.braking, 0.1, 1000.0)
+
+
+class Drive:
+    """Velocity loops of all joints.
+
+    Attributes:
+        sole: Whether at most one controller commands. While more do, the drives brake.
+    """
+
+    def __init__(self, names: Sequence[str], speeds: Array, params: DriveParams | None = None) -> None:
+        """Begin without a command.
+
+        Args:
+            names: Of the joints.
+            speeds: (n,) rad/s, at which commands are cut.
+            params: What happens without a command.
+        """
+        self.params = params or DriveParams()
+        self.sole = True
+        self._names, self._speeds = names, speeds
+        self._given: tuple[Array, float] | None = None  # the newest command and when it came
+        self._ramp: Array | None = None  # rad/s, while the joints brake
+
+    def take(self, command: object, now: float) -> None:
+        """Keep a command.
+
+        Args:
+            command: (n,) rad/s.
+            now: s, by a clock that only goes forwards.
+
+        Raises:
+            BadShape: It is not one number for each joint.
+            NotFinite: A number is NaN or infinite.
+            OutOfRange: A number is beyond LARGEST.
+        """
+        values = check_array("command", command, (len(self._names),))
+        for name, value in zip(self._names, values, strict=True):
+            check_range(f"command of {name}", value, -LARGEST, LARGEST)
+        self._given = np.clip(values, -self._speeds, self._speeds), now
+
+    def command(self, now: float, duration: float, qdot: Array, timeout: float) -> Array:
+        """Return what the joints follow for one tick.
+
+        Args:
+            now: s, by the clock of `take`.
+            duration: s, of the tick.
+            qdot: (n,) rad/s, the speeds at its beginning, from which braking starts.
+            timeout: s, for which a command holds by that clock.
+
+        Returns:
+            (n,) rad/s, the newest command while it holds, otherwise a ramp to zero.
+        """
+        given = self._given
+        if self.sole and given is not None and now - given[1] <= timeout:
+            self._ramp = None
+            return given[0]
+        step = self.params.braking * duration
+        last = np.array(qdot) if self._ramp is None else self._ramp
+        self._ramp = last - np.clip(last, -step, step)
+        return self._ramp
+
+    @property
+    def braking(self) -> bool:
+        """Whether the last tick had no command to follow."""
+        return self._ramp is not None
