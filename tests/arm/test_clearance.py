@@ -71,7 +71,7 @@ def test_touches_are_known_by_what_is_touched(degrees, obstacle, base_z):
 def test_braking_ends_where_constant_deceleration_does(q, share):
     speeds = share * MODEL.speed_limits
     end = q + 0.5 * speeds * np.abs(speeds) / 20.0
-    assert braking_clearance(q, speeds, 20.0, MODEL.chain)[0] <= clearance(end, MODEL.chain)[0] + 1e-9
+    assert braking_clearance(q, speeds, 20.0, 0.0, MODEL.chain)[0] <= clearance(end, MODEL.chain)[0] + 1e-9
 
 
 def test_a_strike_in_the_table_is_refused():

@@ -27,6 +27,8 @@ AROUND = 12  # points of the rim
 CIRCLE = RIM * np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
 ALONG = 8  # parts of the forearm; the capsules seen from its points are at most 3 mm nearer
 MOST_LOOKS = 10_000  # at a path; 30 s of it in steps of 10 ms are 3,000
+EVERY = 2  # looks at a path, of which one is at what comes of a held command
+HOLDING = 2  # postures looked at while the drive holds the last command, see `braking_clearance`
 BRAKING = 3  # postures looked at while the arm brakes, the last at rest
 
 
@@ -93,13 +95,20 @@ def clearance(q: Array, chain: Chain) -> tuple[float, int]:
 
 
 @njit(cache=True)
-def braking_clearance(q: Array, qdot: Array, braking: float, chain: Chain) -> tuple[float, int]:
-    """The least `clearance` at BRAKING postures after q, qdot (7,) if each joint brakes at `braking` (rad/s^2)."""
+def braking_clearance(q: Array, qdot: Array, braking: float, hold: float, chain: Chain) -> tuple[float, int]:
+    """Return the least `clearance` (m) on the way to rest from q (7,) rad and qdot (7,) rad/s, and which of OBSTACLES it is from.
+
+    Each joint keeps its speed for `hold` (s), then brakes at `braking` (rad/s^2). HOLDING and BRAKING postures are looked at.
+    """
     longest, posture, least, what = np.abs(qdot).max() / braking, np.empty(7), np.inf, 0
-    for k in range(1, BRAKING + 1):
+    held = HOLDING if hold > 0.0 else 0
+    for k in range(1, held + BRAKING + 1):
         for i in range(7):
-            t = min(longest * k / BRAKING, abs(qdot[i]) / braking)
-            posture[i] = q[i] + t * (qdot[i] - 0.5 * t * math.copysign(braking, qdot[i]))
+            if k <= held:
+                posture[i] = q[i] + hold * k / held * qdot[i]
+            else:
+                t = min(longest * (k - held) / BRAKING, abs(qdot[i]) / braking)
+                posture[i] = q[i] + hold * qdot[i] + t * (qdot[i] - 0.5 * t * math.copysign(braking, qdot[i]))
         left, near = clearance(posture, chain)
         if left < least:
             least, what = left, near
@@ -121,9 +130,10 @@ def levers(chain: Chain) -> Array:
 
 @njit(cache=True, nogil=True)
 def path_clearance(
-    end: float, step: float, braking: float, enough: float, knots: Array, coefficients: Array, chain: Chain
+    end: float, step: float, braking: float, hold: float, enough: float, knots: Array, coefficients: Array, chain: Chain
 ) -> tuple[float, int]:  # fmt: skip
-    """The least clearance (m) that was looked at on a path of polynomials (see `motion`) and on braking from it, and from what, until
+    """The least clearance (m) that was looked at on a path of polynomials (see `motion`) and on braking from it, after the drive has held
+    the speed for `hold` (s) or at once, and from what, until
     `end` (s) or until it is below `enough` (m); -inf for a path that is too long to be looked at, or not finite.
 
     The next look is `step` (s) later, or as late as nothing can come as near as that before: the arm's points move by the joints' speeds
@@ -131,7 +141,7 @@ def path_clearance(
     """
     q, qdot, qddot, least, what, lever = np.empty(7), np.empty(7), np.empty(7), np.inf, 0, levers(chain)
     time, last = 0.0, False
-    for _ in range(MOST_LOOKS):
+    for look in range(MOST_LOOKS):
         last = time >= end
         evaluate(min(end, time), knots, coefficients, q, qdot, qddot)
         left, near = clearance(q, chain)
@@ -139,19 +149,24 @@ def path_clearance(
             return -np.inf, near
         moves, speed = 0.0, 0.0  # m, what braking moves any point at most; m/s
         for i in range(7):
-            moves += lever[i] * qdot[i] ** 2 / (2.0 * braking)
+            moves += lever[i] * (abs(qdot[i]) * hold + qdot[i] ** 2 / (2.0 * braking))
             speed += lever[i] * abs(qdot[i])
+        rise = braking * lever.sum()  # m/s^2, of the speed
         room = left - moves - enough  # falls by 2 speed at most: half of it for the way, half for braking
         if room < 0.0 and moves > 0.0:
-            braked, obstacle = braking_clearance(q, qdot, braking, chain)
+            braked, obstacle = braking_clearance(q, qdot, braking, 0.0, chain)
             if braked < left:
                 left, near = braked, obstacle
+            if hold > 0.0 and look % EVERY == 0:  # only a touch counts: it takes a fault of the process
+                braked, obstacle = braking_clearance(q, qdot, braking, hold, chain)
+                if braked + enough < left:
+                    left, near = braked + enough, obstacle
         if left < least:
             least, what = left, near
             if least < enough:
                 break
-        rise = braking * lever.sum()  # m/s^2, of the speed
         if last:
             return least, what
+        speed += 0.5 * hold * rise
         time += max(step, (math.sqrt(speed * speed + rise * max(0.0, room)) - speed) / rise)
     return (least if least < enough else -np.inf), what

@@ -32,7 +32,6 @@ class GuardParams:
     overspeed: float = 1.2  # times its speed limit, and a joint measured faster than this too
     persistence: float = 0.010  # s, for which damage must be measured before it latches
     clearance: float = 0.005  # m, kept from table, floor and arm; less than swings keep
-    command_timeout: float = 0.1  # s without a command, after which the drive brakes by itself
     stale_plan: float = 5.0  # s, after which a plan no longer moves the arm; a swing and its way back take 2
 
     def __post_init__(self) -> None:
@@ -41,7 +40,6 @@ class GuardParams:
             check_range(name, getattr(self, name), 0.0, 0.5)
         check_range("overspeed", self.overspeed, 1.0, 100.0)
         check_range("persistence", self.persistence, 0.0, 1.0)
-        check_range("command_timeout", self.command_timeout, 0.0, 10.0)
         check_range("stale_plan", self.stale_plan, 1e-2, 1000.0)
 
 
@@ -55,8 +53,8 @@ class Guard:
 
     def __init__(self, model: ArmModel, params: GuardParams | None = None, limits: SwingLimits | None = None) -> None:
         """Guard `model`. The braking limit is `limits.acceleration`, the one that swings keep and clearance is computed with."""
-        self._model, self._params = model, params or GuardParams()
-        self.braking = (limits or SwingLimits()).acceleration
+        self._model, self._params, limits = model, params or GuardParams(), limits or SwingLimits()
+        self.braking, self.command_timeout = limits.acceleration, limits.command_timeout
         self.latched: Failure | None = None
         self.speed_scale = 1.0
         self._last = np.zeros(len(model.names))
@@ -138,7 +136,7 @@ class Guard:
         """
         passed = 0.0 if self._now is None else max(now - self._now, 0.0)
         if not self._stopping:
-            passed = max(min(passed, FIRST_STEP), passed - self._params.command_timeout)
+            passed = max(min(passed, FIRST_STEP), passed - self.command_timeout)
         self._last, self._now, self._stopping = self._towards(np.zeros(len(self._last)), self.braking * passed), now, True
         if joints is not None:
             down, up = self._room(joints.q)
@@ -163,7 +161,7 @@ class Guard:
 
     def _near(self, q: Array, command: Array) -> Failure | None:
         """Braking from `command` would end too near to something, and not further from it than now."""
-        left, what = braking_clearance(q, command, self.braking, self._model.chain)
+        left, what = braking_clearance(q, command, self.braking, 0.0, self._model.chain)
         bound = self._params.clearance
         if left >= bound or left > clearance(q, self._model.chain)[0]:
             return None

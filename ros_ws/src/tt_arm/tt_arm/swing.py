@@ -63,6 +63,7 @@ class SwingLimits:
     torque_share: float = 1.0  # of the rated torque, checked over the whole path with assumed inertias
     margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
     clearance: float = 0.010  # m, that racket and forearm keep from table, floor and arm; more than the guard keeps
+    command_timeout: float = 0.1  # s, for which the drives hold a command; from anywhere on a path they may do that, then brake, unhurt
     jerk: float = 4000.0  # rad/s^3 of each joint, but for the profile "polyline"; our choice: 5 ms to the full acceleration
     profile: str = "auto"  # of a joint: see PROFILES and the top of this file
 
@@ -70,6 +71,7 @@ class SwingLimits:
         check_range("acceleration", self.acceleration, 0.1, 1000.0)
         check_range("speed_share", self.speed_share, 0.01, 1.0)
         check_range("torque_share", self.torque_share, 0.01, 100.0)
+        check_range("command_timeout", self.command_timeout, 0.0, 10.0)
         check_range("jerk", self.jerk, 1.0, 1e6)
         check_range("margin", self.margin, 0.0, 0.5)
         check_range("clearance", self.clearance, 0.0, 0.5)
@@ -191,19 +193,27 @@ def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: npt
 
 
 @njit(cache=True, nogil=True)
-def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Lowest and highest q, highest |qdot|, |qddot| and jerk (7,) each, every STEP until `end`; a step of acceleration is a high jerk."""
+def extremes(
+    end: float, braking: float, hold: float, knots: Array, coefficients: Array
+) -> tuple[Array, Array, Array, Array, Array, Array, Array]:  # fmt: skip
+    """Lowest and highest q, highest |qdot|, |qddot| and jerk (7,) each, every STEP until `end`; a step of acceleration is a high jerk.
+
+    The last two are the lowest and highest q (7,) of a joint that keeps its speed for `hold` (s) anywhere, then brakes (rad/s^2).
+    """
     low, high, speed, acceleration, jerk = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7), np.zeros(7)
+    lowest, highest = np.full(7, np.inf), np.full(7, -np.inf)
     q, qdot, qddot, before = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
     for k in range(int(end / STEP) + 2):
         evaluate(min(end, k * STEP), knots, coefficients, q, qdot, qddot)
         for i in range(7):
             low[i], high[i] = min(low[i], q[i]), max(high[i], q[i])
+            stop = q[i] + hold * qdot[i] + 0.5 * qdot[i] * abs(qdot[i]) / braking
+            lowest[i], highest[i] = min(lowest[i], stop), max(highest[i], stop)
             speed[i], acceleration[i] = max(speed[i], abs(qdot[i])), max(acceleration[i], abs(qddot[i]))
             if k > 0:
                 jerk[i] = max(jerk[i], abs(qddot[i] - before[i]) / STEP)
             before[i] = qddot[i]
-    return low, high, speed, acceleration, jerk
+    return low, high, speed, acceleration, jerk, lowest, highest
 
 
 class Path:
@@ -280,10 +290,14 @@ class Path:
     def hits(self) -> str | None:
         """What is in the way: a joint's end or another limit of it, the table, the floor, the arm itself or the motors' torque."""
         names, (acceleration, jerk) = self.model.names, self._bounds
-        low, high, fastest, hardest, sharpest = extremes(self.now, self.knots, self.coefficients)
+        hold, path = self.limits.command_timeout, (self.knots, self.coefficients)
+        low, high, fastest, hardest, sharpest, lowest, highest = extremes(self.now, acceleration, hold, *path)
         room = np.minimum(low - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - high)
         if room.min() < self.limits.margin:
             return f"joint {names[int(room.argmin())]} would come within {max(0.0, room.min()):.3f} rad of its limit on the way"
+        room = np.minimum(lowest - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - highest)
+        if room.min() < 0.0:
+            return f"joint {names[int(room.argmin())]} would run {-room.min():.3f} rad beyond its limit if its drive held a command"
         shares = {"speed": fastest / self.speed, "acceleration": hardest / acceleration}
         if self.kind != POLYLINE:
             shares["jerk"] = sharpest / jerk
@@ -291,10 +305,10 @@ class Path:
             if share.max() > 1.0 + SLACK:
                 return f"joint {names[int(share.argmax())]} would need {share.max():.3f} of its {name} limit on the way"
         enough = self.limits.clearance
-        left, what = path_clearance(self.now, COARSE, acceleration, enough, self.knots, self.coefficients, self.model.chain)
+        left, what = path_clearance(self.now, COARSE, acceleration, hold, enough, *path, self.model.chain)
         if left < enough:
             return f"the arm would come within {max(0.0, 1e3 * left):.0f} mm of {OBSTACLES[what]} on the way or braking there"
-        torque = torque_shares(self.model, self.now, 2.0 * COARSE, self.knots, self.coefficients)
+        torque = torque_shares(self.model, self.now, 2.0 * COARSE, *path)
         if torque.max() > self.limits.torque_share:
             return f"joint {names[int(torque.argmax())]} would need {torque.max():.2f} of its rated torque on the way"
         return None
