@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import array
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,10 +18,25 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from ..errors import BadMessage, BadShape, check_array
+from ..errors import BadMessage, BadShape, OutOfRange, check_array, check_range
+from ..images import MOST_PIXELS, grey_image
+from ..lens import rational_from_fisheye
 from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
 
 UNKNOWN = 1e6  # variance of what is not known
+
+# Bounds of what a message may hold, far outside of what a table tennis hall does. Beyond them it is refused before anything is computed.
+PLACE = 100.0  # m, of each coordinate: no hall is larger
+SPEED = 100.0  # m/s, of each component: three times the fastest smashes
+SPIN = 3000.0  # rad/s, of each component: three times the fastest spins, 150 rev/s
+VARIANCE = 1e12  # of anything; what is not known has UNKNOWN or more
+FOCAL = 1e6  # pixels, of every number of K: a field of view of a hundredth of a degree
+LENS = 1e9  # of a distortion coefficient; high orders of narrow lenses are large
+PIXEL = 1e5  # pixels, of where a ball is seen
+NEWEST = 2.0**31 - 1000.0  # s: a stamp and what is computed from it fit into 32 bits
+FROM_START = (-1.0, 100.0)  # s, of time_from_start
+MOST_POINTS = 2000  # of a path: predict_node publishes at most tt_predict.rollout.MOST_POINTS
+MOST_STROKES = 64  # of a list of candidates: racket_node publishes at most tt_racket.intercept.MOST_CANDIDATES
 
 
 def stamp(time: float, message: Time | None = None) -> Time:
@@ -32,6 +48,36 @@ def stamp(time: float, message: Time | None = None) -> Time:
 
 def seconds(message: Time | Duration) -> float:
     return message.sec + message.nanosec * 1e-9
+
+
+def stamp_seconds(message: Time) -> float:
+    """Return the stamp of a message in s; raises BadMessage or OutOfRange for one that is no time."""
+    if message.nanosec >= 10**9:
+        raise BadMessage(f"stamp of {message.sec} s and {message.nanosec} ns has more than a second of nanoseconds")
+    return check_range("stamp, s,", seconds(message), 0.0, NEWEST)
+
+
+def _bounded(name: str, values: object, shape: tuple[int, ...], bound: float) -> Array:
+    """Return `values` as an array of `shape`; raises NotFinite, or OutOfRange for an absolute value above `bound`."""
+    checked = check_array(name, values, shape)
+    worst = checked.flat[np.abs(checked).argmax()] if checked.size else 0.0
+    if abs(worst) > bound:
+        raise OutOfRange(name, float(worst), -bound, bound)
+    return checked
+
+
+def _covariance(name: str, numbers: object) -> Array:
+    """Return the covariance (6, 6) of a message; raises TtError for numbers that are none."""
+    covariance = _bounded(name, numbers, (36,), VARIANCE).reshape(6, 6)
+    largest = np.abs(covariance).max()
+    if (np.diag(covariance) < 0.0).any():
+        raise BadMessage(f"{name} has the negative variance {np.diag(covariance).min():g}")
+    if np.abs(covariance - covariance.T).max() > 1e-6 * largest:
+        raise BadMessage(f"{name} is not symmetric: its halves differ by {np.abs(covariance - covariance.T).max():g}")
+    least = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))[0]
+    if least < -1e-6 * largest:
+        raise BadMessage(f"{name} is not positive semidefinite: it has the eigenvalue {least:g}")
+    return covariance
 
 
 def _duration(time: float) -> Duration:
@@ -68,15 +114,22 @@ def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometr
 
 
 def ball_from_message(message: Odometry) -> BallState:
+    """Raises TtError for other frames, numbers outside their bounds, and a covariance that is none."""
     if message.header.frame_id != "table" or message.child_frame_id != "ball":
-        raise BadMessage(f"frames table -> ball expected, got {message.header.frame_id!r} -> {message.child_frame_id!r}")
+        frames = f"{message.header.frame_id[:40]!r} -> {message.child_frame_id[:40]!r}"
+        raise BadMessage(f"frames table -> ball expected, got {frames}")
     position, twist = message.pose.pose.position, message.twist.twist
     covariance = np.zeros((9, 9))
-    covariance[:3, :3] = np.reshape(message.pose.covariance, (6, 6))[:3, :3]
-    covariance[3:, 3:] = np.reshape(message.twist.covariance, (6, 6))
+    covariance[:3, :3] = _covariance("covariance of the pose", message.pose.covariance)[:3, :3]
+    covariance[3:, 3:] = _covariance("covariance of the twist", message.twist.covariance)
     known = (np.diag(covariance) < UNKNOWN).any()
-    state = _numbers(position), _numbers(twist.linear), _numbers(twist.angular)
-    return BallState(seconds(message.header.stamp), *state, covariance if known else None)
+    return BallState(
+        stamp_seconds(message.header.stamp),
+        _bounded("position", _numbers(position), (3,), PLACE),
+        _bounded("velocity", _numbers(twist.linear), (3,), SPEED),
+        _bounded("spin", _numbers(twist.angular), (3,), SPIN),
+        covariance if known else None,
+    )
 
 
 def _trajectory(time: float, joint: str, points: list[MultiDOFJointTrajectoryPoint]) -> MultiDOFJointTrajectory:
@@ -93,37 +146,48 @@ def _point(after: float, position: Array, velocity: Array, spin: Sequence[float]
     )
 
 
-def _check(message: MultiDOFJointTrajectory, joint: str, least: int) -> None:
-    if list(message.joint_names) != [joint] or len(message.points) < least:
-        raise BadMessage(f"joint [{joint}] and {least} points expected, got {list(message.joint_names)} and {len(message.points)}")
+def _check(message: MultiDOFJointTrajectory, joint: str, least: int, most: int) -> float:
+    """Return the stamp (s) of a trajectory that has the form which its topic promises; raises TtError for another one."""
+    if len(message.joint_names) != 1 or message.joint_names[0] != joint or len(message.points) < least:
+        names = [name[:40] for name in message.joint_names[:4]]
+        raise BadMessage(f"joint [{joint}] and {least} points expected, got {names} and {len(message.points)}")
+    check_range(f"number of points of [{joint}]", len(message.points), least, most)
     if any(len(p.transforms) != 1 or len(p.velocities) != 1 for p in message.points):
         raise BadMessage("each point must hold one transform and one velocity")
     if message.header.frame_id != "table":
-        raise BadMessage(f"frame table expected, got {message.header.frame_id!r}")
+        raise BadMessage(f"frame table expected, got {message.header.frame_id[:40]!r}")
+    return stamp_seconds(message.header.stamp)
+
+
+def _after(point: MultiDOFJointTrajectoryPoint) -> float:
+    return check_range("time_from_start, s,", seconds(point.time_from_start), *FROM_START)
 
 
 def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
+    """Raises TtError for a path of more than MOST_POINTS, or of numbers outside their bounds."""
+    check_range("number of points of the path", len(path.times), 1, MOST_POINTS)
     start = path.times[0]
-    points = [_point(t - start, p, v, w) for t, p, v, w in zip(path.times, path.positions, path.velocities, path.spins, strict=True)]
-    return _trajectory(start, "ball", points)
+    check_range("duration of the path, s,", path.times[-1] - start, *FROM_START)
+    rows = zip(
+        path.times,
+        _bounded("position", path.positions, (-1, 3), PLACE),
+        _bounded("velocity", path.velocities, (-1, 3), SPEED),
+        _bounded("spin", path.spins, (-1, 3), SPIN),
+        strict=True,
+    )
+    return _trajectory(start, "ball", [_point(t - start, p, v, w) for t, p, v, w in rows])
 
 
 def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
-    """Two points of one time are a bounce."""
-    _check(message, "ball", 1)
-    start = seconds(message.header.stamp)
-    states = [
-        BallState(
-            start + seconds(p.time_from_start),
-            _numbers(p.transforms[0].translation),
-            _numbers(p.velocities[0].linear),
-            _numbers(p.velocities[0].angular),
-        )
-        for p in message.points
-    ]
+    """Two points of one time are a bounce. Raises TtError for more than MOST_POINTS and for numbers outside their bounds."""
+    start = _check(message, "ball", 1, MOST_POINTS)
+    times = np.array([start + _after(point) for point in message.points])
+    positions = _bounded("position", [_numbers(p.transforms[0].translation) for p in message.points], (-1, 3), PLACE)
+    velocities = _bounded("velocity", [_numbers(p.velocities[0].linear) for p in message.points], (-1, 3), SPEED)
+    spins = _bounded("spin", [_numbers(p.velocities[0].angular) for p in message.points], (-1, 3), SPIN)
+    states = [BallState.trusted(*row) for row in zip(times.tolist(), positions, velocities, spins, strict=True)]
     bounces = tuple(Bounce(a, b) for a, b in itertools.pairwise(states) if a.time == b.time)
-    rows = np.array([s.vector for s in states])
-    return BallPath(np.array([s.time for s in states]), rows[:, :3], rows[:, 3:6], rows[:, 6:], bounces)
+    return BallPath(times, positions, velocities, spins, bounces)
 
 
 def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTrajectory:
@@ -133,34 +197,41 @@ def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTraject
 
 
 def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
-    _check(message, "ball", 1)
+    """Raises TtError for another number of points than one, and for numbers outside their bounds."""
+    _check(message, "ball", 1, 1)
     point = message.points[0]
-    landing, spin = point.transforms[0].translation, point.velocities[0].angular
-    return ReturnGoal(np.array([landing.x, landing.y]), seconds(point.time_from_start), spin.y, spin.z)
+    landing = _bounded("landing", _numbers(point.transforms[0].translation), (3,), PLACE)
+    spin = _bounded("spin", _numbers(point.velocities[0].angular), (3,), SPIN)
+    return ReturnGoal(landing[:2], _after(point), spin[1], spin[2])
 
 
 def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
-    """Candidates in order of preference; time: s, of the last frame that they rest on."""
+    """Candidates in order of preference; time: s, of the last frame that they rest on. Raises TtError for what may not be sent."""
+    check_range("number of strokes", len(rackets), 0, MOST_STROKES)
     points = []
     for racket in rackets:
-        point = _point(racket.time - time, racket.position, racket.velocity, np.zeros(3))
+        position, velocity = _bounded("position", racket.position, (3,), PLACE), _bounded("velocity", racket.velocity, (3,), SPEED)
+        point = _point(
+            check_range("time of the strike after the path's start, s,", racket.time - time, *FROM_START), position, velocity, np.zeros(3)
+        )
         q = point.transforms[0].rotation
-        q.x, q.y, q.z, q.w = Rotation.from_matrix(racket.rotation).as_quat()
+        q.x, q.y, q.z, q.w = Rotation.from_matrix(check_array("rotation", racket.rotation, (3, 3))).as_quat()
         points.append(point)
     return _trajectory(time, "racket", points)
 
 
 def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
-    _check(message, "racket", 0)
-    start = seconds(message.header.stamp)
+    """Raises TtError for more than MOST_STROKES, for numbers outside their bounds, and for a rotation that is none."""
+    start = _check(message, "racket", 0, MOST_STROKES)
     rackets = []
     for point in message.points:
         q = point.transforms[0].rotation
-        if abs(q.x**2 + q.y**2 + q.z**2 + q.w**2 - 1.0) > 1e-3:
+        if not abs(math.hypot(q.x, q.y, q.z, q.w) - 1.0) <= 1e-3:  # not so either for NaN
             raise BadMessage(f"quaternion of length 1 expected, got {q.x}, {q.y}, {q.z}, {q.w}")
         normal = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()[:, 2]
-        position, velocity = _numbers(point.transforms[0].translation), _numbers(point.velocities[0].linear)
-        rackets.append(RacketState.facing(start + seconds(point.time_from_start), position, velocity, normal))
+        position = _bounded("position", _numbers(point.transforms[0].translation), (3,), PLACE)
+        velocity = _bounded("velocity", _numbers(point.velocities[0].linear), (3,), SPEED)
+        rackets.append(RacketState.facing(start + _after(point), position, velocity, normal))
     return rackets
 
 
@@ -173,7 +244,7 @@ def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) ->
 
 def pixel_from_message(message: PointStamped) -> tuple[float, Array]:
     """Time (s) and pixel (2,)."""
-    return seconds(message.header.stamp), check_array("pixel", [message.point.x, message.point.y], (2,))
+    return stamp_seconds(message.header.stamp), _bounded("pixel", [message.point.x, message.point.y], (2,), PIXEL)
 
 
 def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array, message: Odometry | None = None) -> Odometry:
@@ -190,56 +261,89 @@ def racket_to_message(time: float, position: Array, rotation: Array, velocity: A
 
 
 def camera_to_message(width: int, height: int, matrix: Array, distortion: Array | None, frame: str, time: float = 0.0) -> CameraInfo:
-    """matrix: (3, 3) K in pixels. distortion: (5,) in the order of OpenCV, or None. frame: e.g. left_optical."""
-    d = np.zeros(5) if distortion is None else distortion
-    message = CameraInfo(width=width, height=height, distortion_model="plumb_bob", d=d.tolist(), k=matrix.ravel())
+    """matrix: (3, 3) K in pixels. distortion: (n,) in the order of OpenCV, or None; more than 5 are rational_polynomial. frame: e.g.
+    left_optical."""
+    d = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=np.float64)
+    model = "plumb_bob" if len(d) <= 5 else "rational_polynomial"
+    message = CameraInfo(width=width, height=height, distortion_model=model, d=d.tolist(), k=matrix.ravel())
     message.r, message.p = np.eye(3).ravel(), np.column_stack([matrix, np.zeros(3)]).ravel()
     message.header.stamp, message.header.frame_id = stamp(time), frame
     return message
 
 
+# How many coefficients each distortion model of sensor_msgs/distortion_models may have. Without a name it is plumb_bob.
+_PINHOLE = {"": (0, 4, 5), "none": (0,), "plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14)}
+_FISHEYE = {"equidistant": (0, 4), "fisheye": (0, 4), "kannala_brandt": (0, 4)}
+
+
 def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
-    """(width, height, (3, 3) K in pixels, (5,) distortion in OpenCV order)."""
-    if message.distortion_model not in ("", "plumb_bob") or len(message.d) > 5:
-        raise BadMessage(f"distortion model {message.distortion_model!r} with {len(message.d)} numbers is not plumb_bob")
-    if message.k[0] <= 0.0 or message.k[4] <= 0.0:
-        raise BadMessage(f"camera of {message.width} x {message.height} pixels is not calibrated: K = {message.k}")
-    return message.width, message.height, check_array("k", np.reshape(message.k, (3, 3)), (3, 3)), np.resize([*message.d, *[0.0] * 5], 5)
+    """Read the calibration of a camera.
+
+    A fisheye lens comes as the rational model that images as it does, see `tt_core.lens`. A region of interest moves the principal point.
+
+    Returns:
+        Width and height in pixels, (3, 3) K in pixels, and the distortion in the order of OpenCV: (5,) k1, k2, p1, p2, k3, or as many as
+        the message has of k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y behind them.
+
+    Raises:
+        TtError: The camera is not calibrated, K is skewed, the image is binned, the model is unknown or has another number of
+            coefficients, or a number is outside its bound.
+    """
+    matrix = np.array(_bounded("K", message.k, (9,), FOCAL).reshape(3, 3))
+    if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0:
+        raise BadMessage(f"camera of {message.width} x {message.height} pixels is not calibrated: K = {matrix.ravel()}")
+    if (matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0.0).any() or matrix[2, 2] != 1.0:
+        raise BadMessage(f"K = {matrix.ravel()} is skewed: it must be fx, 0, cx, 0, fy, cy, 0, 0, 1")
+    if message.binning_x > 1 or message.binning_y > 1:
+        raise BadMessage(f"binning of {message.binning_x} x {message.binning_y} pixels is not supported")
+    width, height, roi = message.width, message.height, message.roi
+    check_range("width of the camera, pixels,", width, 1, MOST_PIXELS)
+    check_range("height of the camera, pixels,", height, 1, MOST_PIXELS)
+    if roi.width or roi.height:
+        check_range("region of interest, pixels to its right edge,", roi.x_offset + roi.width, roi.x_offset + 1, width)
+        check_range("region of interest, pixels to its lower edge,", roi.y_offset + roi.height, roi.y_offset + 1, height)
+        width, height = roi.width, roi.height
+        matrix[:2, 2] -= roi.x_offset, roi.y_offset
+    return width, height, matrix, _distortion(message, width, height, matrix)
 
 
-_ENCODINGS: dict[str, np.dtype] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype("<u2")}
-_GREY = {"rgb8": (77, 150, 29), "bgr8": (29, 150, 77)}  # 256ths of each colour, ITU-R BT.601
+def _distortion(message: CameraInfo, width: int, height: int, matrix: Array) -> Array:
+    """(n,) in the order of OpenCV."""
+    model = message.distortion_model.lower()
+    counts = (_PINHOLE | _FISHEYE).get(model)
+    if counts is None:
+        raise BadMessage(f"distortion model {model[:40]!r} is none of {', '.join(map(repr, _PINHOLE | _FISHEYE))}")
+    if len(message.d) not in counts:
+        raise BadMessage(f"distortion model {model!r} has {' or '.join(map(str, counts))} coefficients, got {len(message.d)}")
+    given = _bounded("distortion", message.d, (-1,), LENS)
+    if model in _FISHEYE:
+        focal = matrix[[0, 1], [0, 1]]
+        corners = np.array([[0.0, 0.0], [width - 1.0, 0.0], [0.0, height - 1.0], [width - 1.0, height - 1.0]])
+        reach = np.linalg.norm((corners - matrix[:2, 2]) / focal, axis=1).max()
+        given = rational_from_fisheye(given if len(given) else np.zeros(4), reach, focal.max())
+    return np.append(given, np.zeros(max(0, 5 - len(given))))
 
 
 def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
     """image: (h, w) uint8 or uint16. time: s, middle of the exposure. frame: e.g. left_optical."""
     if image.ndim != 2:
         raise BadShape("image", image.shape, "(height, width)")
-    encoding = next((name for name, dtype in _ENCODINGS.items() if dtype == image.dtype), None)
-    if encoding is None:
+    if image.dtype not in (np.uint8, np.uint16):
         raise BadMessage(f"image of dtype uint8 or uint16 expected, got {image.dtype}")
     height, width = image.shape
     data = array.array("B")
     data.frombytes(np.ascontiguousarray(image).data.cast("B"))
-    message = Image(height=height, width=width, encoding=encoding, step=width * image.itemsize, data=data)
+    message = Image(height=height, width=width, encoding=f"mono{8 * image.itemsize}", step=width * image.itemsize, data=data)
     message.header.stamp, message.header.frame_id = stamp(time), frame
     return message
 
 
 def image_from_message(message: Image) -> np.ndarray:
-    """(h, w) uint8 or uint16, a view of the message's data; colour becomes grey."""
-    shares = _GREY.get(message.encoding)
-    dtype = np.dtype(np.uint8) if shares else _ENCODINGS.get(message.encoding)
-    if dtype is None:
-        raise BadMessage(f"encoding {message.encoding!r} is none of {', '.join([*_ENCODINGS, *_GREY])}")
-    step = message.width * dtype.itemsize * (3 if shares else 1)
-    if message.step != step or len(message.data) != step * message.height:
-        raise BadMessage(f"{len(message.data)} bytes of step {message.step} are no {message.width} x {message.height} {message.encoding}")
-    values = np.frombuffer(message.data, dtype.newbyteorder(">") if message.is_bigendian else dtype)
-    if shares:
-        colours = values.reshape(message.height, message.width, 3).astype(np.uint16)
-        return ((colours @ np.array(shares, dtype=np.uint16)) >> 8).astype(np.uint8)
-    return values.reshape(message.height, message.width)
+    """(h, w) uint8 or uint16, a view of the message's data where they are grey and not padded; colour becomes grey.
+
+    Raises TtError for an encoding that is none of ENCODINGS, and for a size, a step or data that do not fit.
+    """
+    return grey_image(message.encoding, message.width, message.height, message.step, message.data, big_endian=message.is_bigendian != 0)
 
 
 def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array, message: JointState | None = None) -> JointState:

@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -74,7 +75,8 @@ class Input:
     def _subscribe(self) -> Any:
         reliability, durability = self._asked
         qos = QoSProfile(depth=self._wanted.depth, reliability=reliability, durability=durability)
-        return self._node.create_subscription(self._kind, self.topic, self._on_data, qos, raw=True)
+        events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor
+        return self._node.create_subscription(self._kind, self.topic, self._on_data, qos, event_callbacks=events, raw=True)
 
     def _on_data(self, data: bytes) -> None:
         try:

@@ -1,0 +1,91 @@
+"""Grey images from the encodings of sensor_msgs/image_encodings."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from .errors import BadMessage, check_range
+
+MOST_PIXELS = 8192  # in width or height: twice the largest industrial cameras of today
+LUMA_UYVY, LUMA_YUYV = 1, 0  # which byte of each two is brightness
+
+
+class Encoding(NamedTuple):
+    """How the data of an image are laid out.
+
+    Attributes:
+        dtype: Of one value.
+        channels: Values of a pixel.
+        grey: From (h, w, channels) values, or (h, w) of one channel, to (h, w); None for values that are grey.
+        rows: Rows of the data for each row of the image. Where it is more than 1, the planes of colour follow that of brightness.
+    """
+
+    dtype: type[np.uint8] | type[np.uint16]
+    channels: int
+    grey: Callable[[np.ndarray], np.ndarray] | None = None
+    rows: float = 1.0
+
+
+def _opencv(code: int) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda values: cv2.cvtColor(np.ascontiguousarray(values), code)
+
+
+def _encodings() -> dict[str, Encoding]:
+    found: dict[str, Encoding] = {}
+    codes = {"rgb": cv2.COLOR_RGB2GRAY, "rgba": cv2.COLOR_RGBA2GRAY, "bgr": cv2.COLOR_BGR2GRAY, "bgra": cv2.COLOR_BGRA2GRAY}
+    for bits, dtype in ((8, np.uint8), (16, np.uint16)):
+        found[f"mono{bits}"] = found[f"{bits}UC1"] = Encoding(dtype, 1)
+        found |= {f"{name}{bits}": Encoding(dtype, len(name), _opencv(code)) for name, code in codes.items()}
+        found[f"{bits}UC3"], found[f"{bits}UC4"] = found[f"bgr{bits}"], found[f"bgra{bits}"]  # no colours are named: OpenCV's order
+        for pattern in ("rggb", "bggr", "gbrg", "grbg"):
+            found[f"bayer_{pattern}{bits}"] = Encoding(dtype, 1, _opencv(getattr(cv2, f"COLOR_Bayer{pattern.upper()}2GRAY")))
+    found["yuv422"] = found["uyvy"] = Encoding(np.uint8, 2, lambda values: values[..., LUMA_UYVY])
+    found["yuv422_yuy2"] = found["yuyv"] = Encoding(np.uint8, 2, lambda values: values[..., LUMA_YUYV])
+    found["nv21"], found["nv24"] = Encoding(np.uint8, 1, rows=1.5), Encoding(np.uint8, 1, rows=3.0)
+    return found
+
+
+ENCODINGS = _encodings()
+
+
+def grey_image(encoding: str, width: int, height: int, step: int, data: Any, *, big_endian: bool = False) -> np.ndarray:
+    """Read the data of an image message as a grey image.
+
+    Args:
+        encoding: One of ENCODINGS.
+        width: Pixels.
+        height: Pixels.
+        step: Bytes from one row to the next; more than a row needs where rows are padded.
+        data: Bytes, or an object with their buffer.
+        big_endian: The order of the bytes of 16 bit values.
+
+    Returns:
+        (height, width) uint8 or uint16, contiguous: a view of `data` where grey values in the order of this machine lie there without gaps.
+
+    Raises:
+        BadMessage: Another encoding, a step that is too small, or data of another length.
+        OutOfRange: A size outside 1 to MOST_PIXELS.
+    """
+    known = ENCODINGS.get(encoding)
+    if known is None:
+        raise BadMessage(f"encoding {encoding[:40]!r} is none of {', '.join(ENCODINGS)}")
+    check_range("image width, pixels,", width, 1, MOST_PIXELS)
+    check_range("image height, pixels,", height, 1, MOST_PIXELS)
+    dtype = np.dtype(known.dtype)
+    pixel = known.channels * dtype.itemsize
+    if step < width * pixel:
+        raise BadMessage(f"step = {step} bytes, a row of {width} pixels in {encoding} needs {width * pixel}")
+    needed = step * int(height * known.rows)
+    if len(data) != needed:
+        raise BadMessage(f"{len(data)} bytes of step {step} are no {width} x {height} {encoding}, which has {needed}")
+    shape, strides = (height, width, known.channels), (step, pixel, dtype.itemsize)
+    axes = 3 if known.channels > 1 else 2
+    if big_endian != (sys.byteorder == "big"):
+        dtype = dtype.newbyteorder()
+    values = np.ndarray(shape[:axes], dtype, data, strides=strides[:axes]).astype(known.dtype, copy=False)
+    return np.ascontiguousarray(known.grey(values) if known.grey else values)
