@@ -127,6 +127,7 @@ FORMS: dict[str, Callable[[Path, Rows], Path]] = {
     "sqlite3 message zstd": lambda folder, rows: write_ros2(folder, rows, SQLITE, CompressionMode.MESSAGE),
     "mcap file zstd": lambda folder, rows: write_ros2(folder, rows, MCAP, CompressionMode.FILE),
     "mcap message zstd": lambda folder, rows: write_ros2(folder, rows, MCAP, CompressionMode.MESSAGE),
+    "mcap message zstd without metadata": lambda folder, rows: without_metadata(write_ros2(folder, rows, MCAP, CompressionMode.MESSAGE)),
     "mcap storage zstd": lambda folder, rows: write_ros2(folder, rows, MCAP, CompressionMode.STORAGE),
     "mcap lz4": write_lz4,
     "ros1": write_ros1,

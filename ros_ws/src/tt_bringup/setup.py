@@ -16,7 +16,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
-        ("lib/tt_bringup", ["scripts/record_node"]),
+        ("lib/tt_bringup", ["scripts/play_node", "scripts/record_node"]),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
     ],

@@ -61,24 +61,23 @@ def record(args: argparse.Namespace) -> None:
 
 
 def play(args: argparse.Namespace) -> None:
-    from .play_node import play
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the player takes its signals there is nothing to close
+    from .play_node import PlayParams, play
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
-    count = play(args.bag, topics=args.topics, rate=args.rate, clock=args.clock, delay=args.delay, remap=dict(args.remap))
-    print(f"played {count} messages")
+    params = PlayParams(str(args.bag), args.rate, args.clock or 0.0, args.topics, args.delay)
+    print(f"played {play(params, dict(args.remap))} messages")
 
 
 def info(args: argparse.Namespace) -> None:
     from rich.console import Console
 
-    from .record import describe
+    from .reindex import describe
 
     Console(width=None if sys.stdout.isatty() else 160).print(describe(args.bag))
 
 
 def reindex(args: argparse.Namespace) -> None:
-    from .record import reindex
+    from .reindex import reindex
 
     print(reindex(args.bag))
 

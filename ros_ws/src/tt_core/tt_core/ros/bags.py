@@ -15,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
+import zstandard
 from rosbags import rosbag1, rosbag2
 from rosbags.convert.converter import LATCH, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinitionFormat, Qos
@@ -187,7 +188,7 @@ class Bag:
     def _converter(self, kind: str) -> Callable[[bytes], Any]:
         """What makes a CDR message of Jazzy out of the bag's bytes. Raises KeyError for a type that is not known."""
         if not self._is_ros1:
-            return bytes
+            return unpacked
         if is_same_wireformat(self._types, TYPES, kind, kind):
             return partial(TYPES.ros1_to_cdr, typename=kind)
         return partial(migrate_bytes, self._types, TYPES, kind, kind, {}, src_is2=False, dst_is2=True)
@@ -226,6 +227,12 @@ def bag_files(path: Path) -> list[Path]:
         if files := sorted(file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith(suffixes) and file.is_file()):
             return files
     raise BagError(f"{path} is no bag; it holds no file *{', *'.join(SUFFIXES)}")
+
+
+def unpacked(data: bytes) -> bytes:
+    """Give the CDR bytes of a recorded message, which rosbag2 may have compressed one by one. CDR itself begins with a 0."""
+    data = bytes(data)
+    return zstandard.ZstdDecompressor().decompressobj().decompress(data) if data[:4] == zstandard.FRAME_HEADER else data
 
 
 def advice(path: Path) -> str:
