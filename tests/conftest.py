@@ -12,8 +12,7 @@ settings.register_profile("kernels", deadline=None)  # the first call of a kerne
 settings.load_profile("kernels")
 
 ENDING = 10.0  # s for a node to end; the launcher waits as long before it kills
-# done; a parameter refused; interrupted before there was anything to close; killed by the test itself
-IN_ORDER = (0, 2, -signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)
+SENT = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)  # exit codes by signals that tests send
 
 
 @pytest.fixture
@@ -46,27 +45,28 @@ def start(ros, tmp_path):
         return process
 
     yield start
-    for process in processes:
+    running = [process for process in processes if process.poll() is None]
+    for process in running:
         process.send_signal(signal.SIGINT)
-    failures = [failure for process in processes if (failure := _end(process))]
-    assert not failures, "\n".join(failures)
+    wrong = [process for process in running if not _ends(process)]
+    # before that it may have ended by itself or by a signal of the test, but not by a crash
+    wrong += [process for process in processes if process.returncode < 0 and process.returncode not in SENT]
+    for process in processes:
+        with process.stderr:
+            process.stderr.seek(0)
+            printed = process.stderr.read()
+        if process in wrong or "Traceback" in printed:
+            pytest.fail(f"{process.args} ended with exit code {process.returncode}:\n{printed}")
 
 
-def _end(process):
-    """Wait for the end of a process that was interrupted; None, or what was wrong with it."""
-    with process.stderr:
-        try:
-            process.wait(timeout=ENDING)
-            wrong = process.returncode not in IN_ORDER
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-            wrong = True
-        process.stderr.seek(0)
-        printed = process.stderr.read()
-    if wrong or "Traceback" in printed:
-        return f"{process.args} ended with exit code {process.returncode}:\n{printed}"
-    return None
+def _ends(process):
+    """Whether a process that was interrupted ends in order and in time: closed, or before there was anything to close."""
+    try:
+        return process.wait(timeout=ENDING) in (0, -signal.SIGINT)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        return False
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 from tt_bringup import packages
-from tt_bringup.launch import LaunchError, Process, System, arguments, processes, read, substitute
+from tt_bringup.launch import REFUSED, RESTARTS, LaunchError, Process, System, arguments, processes, read, substitute
 
 SOURCES = Path(__file__).parents[2] / "ros_ws" / "src"
 LAUNCH_FILES = sorted((SOURCES / "tt_bringup" / "launch").glob("*.launch.yaml"))
@@ -33,7 +33,7 @@ launch:
         - {from: $(dirname)/more.yaml}
       remap:
         - {from: /in, to: /out}
-  - node: {pkg: some_package, exec: some_node, name: spare, if: $(var spare)}
+  - node: {pkg: some_package, exec: some_node, name: spare, if: $(var spare), respawn: "true", respawn_delay: 2.5, respawn_max_retries: 3}
 """
 
 
@@ -67,7 +67,9 @@ def test_a_node_becomes_a_command_with_ros_arguments(file, tmp_path):
 
 
 def test_a_condition_decides(file):
-    assert [node.name for node in processes(file(NODE), {"spare": "true"})] == ["left", "spare"]
+    left, spare = processes(file(NODE), {"spare": "true"})
+    assert (left.name, left.respawn, left.respawn_max_retries) == ("left", False, -1)
+    assert (spare.name, spare.respawn, spare.respawn_delay, spare.respawn_max_retries) == ("spare", True, 2.5, 3)
     with pytest.raises(LaunchError, match="'maybe', neither true nor false"):
         processes(file(NODE), {"spare": "maybe"})
 
@@ -107,6 +109,10 @@ def test_one_argument_opens_the_graph_to_other_machines(name, sees):
         ("launch: [{arg: {name: a, description: why}}]", r"needs a:= \(why\)"),
         ("launch: [{executable: {cmd: ls, on_exit: respawn}}]", "on_exit can only be shutdown"),
         ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: ''}]}}]", "parameter c of b is empty"),
+        ("launch: [{node: {pkg: a, exec: b, respawn_delay: '1.0'}}]", "respawn_delay must be a number such as 1.0"),
+        ("launch: [{node: {pkg: a, exec: b, respawn_delay: -1.0}}]", "and not negative, got -1.0"),
+        ("launch: [{node: {pkg: a, exec: b, respawn_max_retries: many}}]", "must be a whole number, got 'many'"),
+        ("launch: [{node: {pkg: a, exec: b, respawn: perhaps}}]", "'perhaps', neither true nor false"),
         ("nodes: []", "is no launch file"),
         ("launch: [", "is no launch file"),
     ],
@@ -143,10 +149,19 @@ def test_our_executables_start_a_module_with_interrupts_blocked(script):
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_files_are_what_the_frontend_of_ros_takes(path):
-    """It wants strings for all attributes but the values of parameters (launch_yaml 3.4)."""
+    """It wants strings for all attributes but the values of parameters and some numbers (launch_yaml 3.4)."""
+    numbers = {"respawn_delay": float, "respawn_max_retries": int}
     for entry in yaml.safe_load(path.read_text())["launch"]:
         for key, value in next(iter(entry.values())).items():
-            assert isinstance(value, str) or key in ("param", "remap"), f"{key}: {value!r}"
+            assert key in ("param", "remap") or type(value) is numbers.get(key, str), f"{key}: {value!r}"
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_our_nodes_are_started_again_but_the_arm_is_enabled_once(path):
+    """What a restart would repeat is in no parameter; a recorder's directory exists already."""
+    nodes = {keys["exec"]: keys for kind, keys in read(path) if kind == "node"}
+    assert {name for name, keys in nodes.items() if keys.get("respawn") == "true"} == nodes.keys() - {"record_node", "enable"}
+    assert "enabled" not in {param.get("name") for keys in nodes.values() for param in keys.get("param", ())}
 
 
 def python(text):
@@ -208,3 +223,55 @@ def test_what_cannot_start_stops_the_rest():
     ):
         pass
     assert group_is_gone(int(told[0].split()[-1]))
+
+
+def started(told):
+    """Process ids, in the order of their start."""
+    return [int(line.split()[-1]) for line in told if "started, process" in line]
+
+
+def test_what_was_killed_is_started_again():
+    told = []
+    endless = Process("endless", python("import time; print('up', flush=True); time.sleep(600)"), respawn=True, respawn_delay=0.1)
+    with System([endless, Process("other", python("import time; time.sleep(600)"))], told.append) as system:
+        for lives in range(1, 4):
+            end = time.monotonic() + 20.0
+            while told.count("[endless] up") < lives:
+                assert time.monotonic() < end and not system.wait(timeout=0.05)
+            assert len(started(told)) == 1 + lives
+            os.kill([int(line.split()[-1]) for line in told if "endless started" in line][-1], signal.SIGKILL)
+        assert not system.wait(timeout=0.05)
+    assert not system.failed and all(group_is_gone(pid) for pid in started(told))
+
+
+def test_what_dies_again_and_again_is_given_up_and_all_end():
+    told = []
+    sick = Process("sick", python("raise SystemExit(3)"), respawn=True)
+    with System([sick, Process("well", python("import time; time.sleep(600)"))], told.append) as system:
+        assert system.wait(timeout=60.0)
+    assert system.failed == {"sick": 3}
+    assert sum("sick started" in line for line in told) == 1 + RESTARTS
+    assert sum("not started again" in line for line in told) == 1
+
+
+@pytest.mark.parametrize(
+    ("code", "retries", "starts", "goes_on"),
+    [(REFUSED, -1, 1, False), (3, 2, 3, True), (0, 1, 2, True)],
+)
+def test_who_is_not_started_again(code, retries, starts, goes_on):
+    """What refuses its parameters ends all; what has used up its retries stays away, as in ROS 2 launch."""
+    told = []
+    brief = Process("brief", python(f"raise SystemExit({code})"), respawn=True, respawn_max_retries=retries)
+    with System([brief, Process("last", python("import sys; sys.stdin.read()"))], told.append) as system:
+        assert system.wait(timeout=30.0)
+    assert sum("brief started" in line for line in told) == starts
+    assert system.failed == ({"brief": code} if code else {})
+    assert not goes_on or "[launch] last ended, exit code 0" in told
+
+
+def test_nothing_is_started_again_when_all_end():
+    told = []
+    slow = Process("slow", python("raise SystemExit(3)"), respawn=True, respawn_delay=60.0)
+    with System([slow], lambda line: (told.append(line), "slow ended" in line and system.interrupt())) as system:
+        assert system.wait(timeout=20.0)
+    assert sum("started" in line for line in told) == 1

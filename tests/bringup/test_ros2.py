@@ -46,8 +46,8 @@ def test_wrong_words_name_the_choices(words, reason, capsys):
         ("launch no/such.launch.yaml", "no launch file no/such.launch.yaml"),
         ("run tt_brinup x", "no package 'tt_brinup'; there is tt_bringup"),
         ("bag record", "give either topics or -a"),
-        ("bag info /no/such", "is no whole bag"),
-        ("bag reindex /no/such", "holds no MCAP file"),
+        ("bag info /no/such", "there is no file or folder"),
+        ("bag reindex /no/such", "there is no file or folder"),
     ],
 )
 def test_what_is_not_there_is_told_in_one_line(words, reason, capsys, prefix):

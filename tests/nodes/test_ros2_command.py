@@ -78,7 +78,7 @@ def test_launch_starts_named_nodes_and_leaves_none(ros2, probe, until, tmp_path)
     file, bag = tmp_path / "test.launch.yaml", tmp_path / "bag"
     file.write_text(LAUNCH)
     system = ros2("launch", str(file), f"output:={bag}")
-    until(lambda: (bag / "bag.mcap").is_file() and ("witness", "/court") in probe.get_node_names_and_namespaces(), probe)
+    until(lambda: any(info.node_namespace == "/court" for info in probe.get_subscriptions_info_by_topic("/rosout")), probe)
     system.send_signal(signal.SIGINT)
     told = system.communicate(timeout=20)[0]
     assert system.returncode == 0, told

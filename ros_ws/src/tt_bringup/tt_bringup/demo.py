@@ -151,6 +151,7 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     free_domain()
     given = {"rtf": str(args.rtf), "seed": str(args.seed), "use_sim_time": "false" if args.rtf == 1.0 else "true", "physics": "liu"}
+    given["enabled"] = "false"  # it is enabled here, when all nodes are there
     processes = launch.processes(packages.launch_file("tt_bringup", "sim.launch.yaml"), given)
     recorder = (str(packages.executable("tt_bringup", "record_node")), "--ros-args", "-p", f"output:='{out / 'bag'}'")
     processes = [launch.Process("record", recorder), *processes]

@@ -30,9 +30,11 @@ from . import packages
 
 PATIENCE = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
 GUARD = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()  # if we are killed, the kernel ends what we started
+RESTARTS, WITHIN = 5, 60.0  # restarts of one process within s; one that dies more often is given up, and all end
+REFUSED = 2  # exit code of a node that refuses its parameters: it would do so again
 STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # exit codes that are no failure
 
-_SHARED = {"name", "if", "unless", "on_exit", "output"}
+_SHARED = {"name", "if", "unless", "on_exit", "output", "respawn", "respawn_delay", "respawn_max_retries"}
 _KEYS = {
     "arg": {"name", "default", "description"},
     "set_env": {"name", "value", "if", "unless"},
@@ -58,12 +60,21 @@ class Argument:
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What to start. required: its end is the end of all. environment: variables that it has beside ours."""
+    """What to start.
+
+    Attributes:
+        required: Its end is the end of all.
+        environment: Variables that it has beside ours.
+        respawn: It is started again when it has ended, `respawn_delay` s later and at most `respawn_max_retries` times, -1: any number.
+    """
 
     name: str
     command: tuple[str, ...]
     required: bool = False
     environment: Mapping[str, str] = field(default_factory=dict)
+    respawn: bool = False
+    respawn_delay: float = 0.0
+    respawn_max_retries: int = -1
 
 
 def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -162,6 +173,11 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
             continue
         if keys.get("on_exit", "shutdown") != "shutdown":
             raise LaunchError(f"{path.name}: on_exit can only be shutdown, got {keys['on_exit']!r}")
+        delay, retries = keys.get("respawn_delay", 0.0), keys.get("respawn_max_retries", -1)
+        if not isinstance(delay, float) or delay < 0.0:
+            raise LaunchError(f"{path.name}: respawn_delay must be a number such as 1.0 and not negative, got {delay!r}")
+        if not isinstance(retries, int):
+            raise LaunchError(f"{path.name}: respawn_max_retries must be a whole number, got {retries!r}")
         if kind == "node":
             program = packages.executable(fill(keys["pkg"]), fill(keys["exec"]))
             command, ros = [str(program), *words(keys.get("args", ""))], list(options(keys))
@@ -169,14 +185,15 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
         else:
             command = words(keys["cmd"])
         name = fill(keys["name"]) if "name" in keys else Path(command[0]).name
-        found.append(Process(name, tuple(command), "on_exit" in keys, environment))
+        respawn = holds(keys.get("respawn", "false"))
+        found.append(Process(name, tuple(command), "on_exit" in keys, environment, respawn, delay, retries))
     return found
 
 
 class System:
     """Running processes, each in a process group of its own, their output told line by line with their names before it.
 
-    As a context manager it leaves none of them behind. They also end with the thread that enters it.
+    As a context manager it leaves none of them behind. They also end with the thread that enters it. Processes are started again by `wait`.
     """
 
     def __init__(self, processes: Sequence[Process], tell: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
@@ -184,7 +201,10 @@ class System:
         self._processes, self._tell = processes, tell
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
-        self._events: queue.SimpleQueue[subprocess.Popen[str] | None] = queue.SimpleQueue()  # who ended; None: interrupted
+        self._restarts: dict[Process, list[float]] = {}  # when each was started again, s, monotonic
+        self._pending = 0  # restarts that wait for their delay
+        # a child: it has ended; a process: to be started again; None: interrupted
+        self._events: queue.SimpleQueue[subprocess.Popen[str] | Process | None] = queue.SimpleQueue()
         self._over = self._stopping = False
 
     def _start(self, process: Process) -> None:
@@ -216,25 +236,53 @@ class System:
     def _next(self, timeout: float | None) -> bool:
         """Take one event; False when none came within `timeout` (s) or it was an interrupt."""
         try:
-            child = self._events.get(timeout=timeout)
+            event = self._events.get(timeout=timeout)
         except queue.Empty:
             return False
-        if child is None:
+        if event is None:
             self._over = True
             return False
+        if isinstance(event, Process):
+            self._pending -= 1
+            if not self._stopping:
+                self._start(event)
+        else:
+            self._on_end(event)
+        return True
+
+    def _on_end(self, child: subprocess.Popen[str]) -> None:
         process = self._running.pop(child)
         self._signal(child, signal.SIGKILL)  # what it may have left in its group
+        self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
+        if process.respawn and not (process.required or self._stopping) and self._restart(process, child.returncode):
+            return
         interrupted = self._stopping and child.returncode > 0  # an interpreter that is still starting answers SIGINT with 1
         if child.returncode not in STOPPED and not interrupted:
             self.failed[process.name] = child.returncode
-        self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
         self._over = self._over or process.required
+
+    def _restart(self, process: Process, code: int) -> bool:
+        """Start a process again that has ended with exit code `code`; False if it stays as it is."""
+        now, times = time.monotonic(), self._restarts.setdefault(process, [])
+        often = sum(now - at < WITHIN for at in times) >= RESTARTS
+        if often or code == REFUSED:
+            why = f"it ended {RESTARTS + 1} times within {WITHIN:g} s" if often else "it would refuse its parameters again"
+            self._tell(f"[launch] {process.name} is not started again: {why}; all end")
+            self.failed[process.name], self._over = code, True
+            return False
+        if 0 <= process.respawn_max_retries <= len(times):
+            return False
+        times.append(now)
+        self._pending += 1
+        timer = threading.Timer(process.respawn_delay, self._events.put, (process,))
+        timer.daemon = True
+        timer.start()
         return True
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Until a required process ended, all ended or `interrupt` was called. timeout: s; False when it passed first."""
+        """Until a required process ended, all ended, one was given up or `interrupt` was called. timeout: s; False when it passed first."""
         end = None if timeout is None else time.monotonic() + timeout
-        while self._running and not self._over:
+        while (self._running or self._pending) and not self._over:
             if not self._next(None if end is None else max(0.0, end - time.monotonic())) and not self._over:
                 return False
         return True

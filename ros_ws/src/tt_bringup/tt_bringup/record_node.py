@@ -132,7 +132,17 @@ class RecordNode(Node):
     def _on_lost(self, topic: str, event: Any) -> None:
         self._recording.count_missed(topic, event.total_count)
 
+    def _take_rest(self) -> None:
+        """Record what has arrived and not yet been handled."""
+        for subscription in self.subscriptions:
+            with subscription.handle:
+                for _ in range(DEPTH):
+                    if not (taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)):
+                        break
+                    self._on_message(subscription.topic_name, taken[0])
+
     def close(self) -> None:
+        self._take_rest()
         try:
             summary = self._recording.close()
         except BagError as error:

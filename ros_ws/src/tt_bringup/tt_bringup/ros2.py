@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import signal
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -61,7 +60,6 @@ def record(args: argparse.Namespace) -> None:
 
 
 def play(args: argparse.Namespace) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the player takes its signals there is nothing to close
     from .play_node import PlayParams, play
 
     params = PlayParams(str(args.bag), args.rate, args.clock or 0.0, args.topics, args.delay)

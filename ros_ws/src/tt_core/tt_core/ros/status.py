@@ -1,28 +1,62 @@
-"""What a stage tells about itself on /diagnostics."""
+"""What a node tells about itself on /diagnostics."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from .convert import seconds
+from .inputs import Input
 from .qos import RELIABLE
+
+PERIOD = 1.0  # s between two reports about the inputs
+GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
 
 
 class Status:
-    """One stage: `tell` publishes one status with the latency since `stamp` (s), the time of the last frame that the result rests on.
-
-    part: of the node, that the status is about, if not about the whole.
-    """
+    """The diagnostics of one node."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
 
     def tell(self, message: str, *, part: str = "", stamp: float | None = None, warn: bool = False, **values: object) -> None:
-        now = self._node.get_clock().now()
+        """Publish one status.
+
+        Args:
+            message: What has happened.
+            part: Of the node, that the status is about, if not about the whole.
+            stamp: Time of the last frame that the result rests on, s; the status holds the latency since then.
+            warn: Whether it is a warning.
+            values: What else is told.
+        """
         if stamp is not None:
-            values = {"latency_ms": f"{1e3 * (now.nanoseconds * 1e-9 - stamp):.3f}", "stamp": f"{stamp:.9f}", **values}
+            latency = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
+            values = {"latency_ms": f"{1e3 * latency:.3f}", "stamp": f"{stamp:.9f}", **values}
+        self._publish(part, message, warn, values)
+
+    def wait_for(self, inputs: Sequence[Input]) -> None:
+        """Tell from now on, once a second, whether all inputs have a publisher, as the status "NODE: inputs".
+
+        Args:
+            inputs: What the node needs. The status holds the number of publishers of each by its topic.
+        """
+        warn_from = time.monotonic() + GRACE
+
+        def report() -> None:
+            waiting = [one.topic for one in inputs if not one.publishers]
+            message = f"waiting for a publisher of {', '.join(waiting)}" if waiting else "ready"
+            warn = bool(waiting) and time.monotonic() > warn_from
+            self._publish("inputs", message, warn, {one.topic: one.publishers for one in inputs})
+
+        self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _publish(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
             name=f"{self._node.get_name()}: {part}" if part else self._node.get_name(),
@@ -30,7 +64,7 @@ class Status:
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )
         array = DiagnosticArray(status=[status])
-        array.header.stamp = now.to_msg()
+        array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
 
 

@@ -1,0 +1,145 @@
+"""Starts of all nodes, four at a time, interrupted at random moments of their first 10 s while both cores are busy. scripts/bench starts
+
+--runs starts. Ends with exit code 1 unless every one ended in order: in time, with exit code 0 or by the signal itself, without a
+traceback, and without leaving a process.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+from report import arguments, report
+from rich.console import Console
+from rich.table import Table
+from tt_bringup import packages
+from tt_bringup.demo import free_domain
+
+BAG = Path(__file__).parents[1] / "bags" / "reference_back_5"
+NODES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "sim_node": ("tt_sim", ()),
+    "camera_node": ("tt_vision", ("--ros-args", "-p", "kind:=bag", "-p", f"path:={BAG}")),
+    "estimate_node": ("tt_vision", ()),
+    "predict_node": ("tt_predict", ()),
+    "racket_node": ("tt_racket", ()),
+    "arm_node": ("tt_arm", ()),
+    "enable": ("tt_arm", ("--ros-args", "-r", "arm/enable:=arm/enable_nothing")),
+    "record_node": ("tt_bringup", ("--ros-args", "-p", "output:=bag")),
+}
+AT_ONCE, LOADS = 4, 2
+MOMENTS = 10.0  # s from the start in which the signal comes
+BOUND, LONGEST = 3.0, 30.0  # s from the signal to the end: what is promised, and when it is killed
+MARK = "TT_STARTS"  # environment variable by which a start's processes are known
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start. code: exit code. took: s from the signal to the end. left: processes that outlived it."""
+
+    node: str
+    sent: signal.Signals
+    moment: float
+    code: int
+    took: float
+    left: int
+    printed: str
+
+    @property
+    def traceback(self) -> bool:
+        return "Traceback" in self.printed
+
+    @property
+    def in_order(self) -> bool:
+        return self.code in (0, -self.sent) and self.took < BOUND and not self.traceback and not self.left
+
+
+def start(node: str, sent: signal.Signals, moment: float) -> Start:
+    """Start a node, send the signal `moment` s later and see how it ends."""
+    package, words = NODES[node]
+    mark = str(uuid.uuid4())
+    with tempfile.TemporaryDirectory() as folder, (Path(folder) / "stderr").open("w+") as stderr:
+        command, environment = [str(packages.executable(package, node)), *words], {**os.environ, MARK: mark}
+        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=stderr)
+        time.sleep(moment)
+        began = time.monotonic()
+        process.send_signal(sent)
+        try:
+            code = process.wait(LONGEST)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            code = process.wait()
+        took = time.monotonic() - began
+        left = leave(mark, began + max(BOUND, took))
+        stderr.seek(0)
+        return Start(node, sent, moment, code, took, left, stderr.read())
+
+
+def leave(mark: str, until: float) -> int:
+    """How many processes with the mark there still are at the time `until` (s, monotonic); they are killed."""
+    while (left := [p for p in psutil.process_iter() if marked(p, mark)]) and time.monotonic() < until:
+        time.sleep(0.1)
+    for process in left:
+        process.kill()
+    return len(left)
+
+
+def marked(process: psutil.Process, mark: str) -> bool:
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE and process.environ().get(MARK) == mark
+    except psutil.Error:
+        return False
+
+
+def main() -> None:
+    args = arguments("starts", 100)
+    free_domain()
+    os.environ["ROS_LOG_DIR"] = tempfile.gettempdir()
+    rng = random.Random(0)
+    nodes = itertools.cycle(NODES)
+    drawn = [(next(nodes), rng.choice((signal.SIGINT, signal.SIGTERM)), rng.uniform(0.0, MOMENTS)) for _ in range(args.runs)]
+    with ExitStack() as stack:
+        for _ in range(LOADS):
+            load = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
+            stack.callback(load.kill)
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            starts = list(pool.map(lambda one: start(*one), drawn))
+    table = Table("node", "starts", "exit codes", "longest, s", "tracebacks", "left", title=f"starts, {args.runs} runs")
+    for node in NODES:
+        own = [one for one in starts if one.node == node]
+        codes = ", ".join(f"{count} x {code}" for code, count in sorted(Counter(one.code for one in own).items()))
+        longest = max((one.took for one in own), default=0.0)
+        tracebacks, left = sum(one.traceback for one in own), sum(one.left for one in own)
+        table.add_row(node, str(len(own)), codes, f"{longest:.2f}", str(tracebacks), str(left))
+    Console().print(table)
+    wrong = [one for one in starts if not one.in_order]
+    for one in wrong:
+        print(f"{one.node}, {one.sent.name} after {one.moment:.3f} s: exit code {one.code} in {one.took:.2f} s, {one.left} left")
+        print(one.printed)
+    metrics = {
+        "starts": float(len(starts)),
+        "closed": float(sum(one.code == 0 for one in starts)),
+        "ended_by_signal": float(sum(one.code == -one.sent for one in starts)),
+        "longest_s": max(one.took for one in starts),
+        "tracebacks": float(sum(one.traceback for one in starts)),
+        "processes_left": float(sum(one.left for one in starts)),
+        "not_in_order": float(len(wrong)),
+    }
+    report("starts", args.runs, metrics, args.json)
+    raise SystemExit(1 if wrong else 0)
+
+
+if __name__ == "__main__":
+    main()

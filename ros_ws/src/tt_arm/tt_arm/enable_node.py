@@ -1,0 +1,32 @@
+"""Lets the arm move: calls arm/enable once, when the service is there, and ends."""
+
+from __future__ import annotations
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool
+from tt_core.start import default_signals
+
+WAIT = 120.0  # s for the arm node to be there: a cold start compiles kernels
+ANSWER = 10.0  # s for its answer
+
+
+def main() -> int:
+    """Tell what the arm answers; exit code 0 if it is enabled."""
+    default_signals()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("enable", enable_rosout=False, start_parameter_services=False)
+    service = node.resolve_service_name("arm/enable")
+    client = node.create_client(SetBool, service)
+    answer: SetBool.Response | None = None
+    if client.wait_for_service(WAIT):
+        future = client.call_async(SetBool.Request(data=True))
+        rclpy.spin_until_future_complete(node, future, timeout_sec=ANSWER)
+        answer = future.result() if future.done() else None
+        told = answer.message if answer else f"no answer within {ANSWER:g} s"
+    else:
+        told = f"not there within {WAIT:g} s"
+    print(f"{service}: {told}", flush=True)
+    rclpy.try_shutdown()
+    node.destroy_node()
+    return 0 if answer and answer.success else 1

@@ -1,0 +1,170 @@
+"""The life of nodes: an interrupt at any moment, what they wait for, and what happens when one is killed."""
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from tt_bringup import packages
+from tt_core.errors import TtError
+from tt_core.ros import status as status_module
+from tt_core.ros.inputs import Input
+from tt_core.ros.qos import LATEST, RELIABLE
+from tt_core.ros.status import Status
+
+NODES = {
+    "sim_node": ("tt_sim", ()),
+    "estimate_node": ("tt_vision", ()),
+    "predict_node": ("tt_predict", ()),
+    "racket_node": ("tt_racket", ()),
+    "arm_node": ("tt_arm", ()),
+    "record_node": ("tt_bringup", ("--ros-args", "-p", "output:=bag")),
+}
+AT_ONCE = 4
+
+
+@pytest.mark.parametrize("seed", range(len(NODES) // 2))
+def test_an_interrupt_ends_a_node_at_every_moment(ros, tmp_path, seed):
+    """From the start of Python to spinning; `scripts/bench starts` has more of it, with times."""
+    rng, running = random.Random(seed), []
+    for place, name in enumerate(rng.sample(list(NODES), AT_ONCE)):
+        package, arguments = NODES[name]
+        (folder := tmp_path / str(place)).mkdir()
+        program = packages.executable(package, name)
+        with (folder / "stderr").open("w") as file:
+            process = subprocess.Popen([program, *arguments], cwd=folder, stderr=file, stdout=subprocess.DEVNULL)
+        # the first moments, when Python starts and imports, as often as all others
+        running.append((rng.uniform(0.0, rng.choice((0.3, 5.0))), rng.choice((signal.SIGINT, signal.SIGTERM)), process, folder / "stderr"))
+    start = time.monotonic()
+    for moment, number, process, _ in sorted(running, key=lambda one: one[0]):
+        time.sleep(max(0.0, start + moment - time.monotonic()))
+        process.send_signal(number)
+    for moment, number, process, printed in running:
+        try:
+            code = process.wait(timeout=10.0)
+        finally:
+            process.kill()
+        case = f"{process.args} after {moment:.3f} s by {number.name}: {printed.read_text()}"
+        assert code in (0, -number), case
+        assert "Traceback" not in printed.read_text(), case
+
+
+def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe, until):
+    """A recorder that is interrupted twice has a complete bag."""
+    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}")
+    until(lambda: probe.count_subscribers("/rosout") > 0, probe)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        recorder.send_signal(number)
+    assert recorder.wait(timeout=10.0) in (0, -signal.SIGTERM)
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def test_it_tells_what_it_waits_for(probe, until, monkeypatch):
+    told = []
+
+    def refuse(error: TtError) -> None:
+        raise error
+
+    monkeypatch.setattr(status_module, "GRACE", 2.5)
+    monkeypatch.setattr(status_module, "PERIOD", 0.2)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(message.status), RELIABLE)
+    ball = Input(probe, Odometry, "ball/state", lambda _: None, RELIABLE, largest=10_000, refused=refuse)
+    Status(probe).wait_for([ball])
+
+    def last():
+        return (told[-1].name, told[-1].level, told[-1].message, {v.key: v.value for v in told[-1].values}) if told else None
+
+    words = "waiting for a publisher of /ball/state"
+    until(lambda: last() == ("probe: inputs", DiagnosticStatus.OK, words, {"/ball/state": "0"}), probe)
+    until(lambda: last() == ("probe: inputs", DiagnosticStatus.WARN, words, {"/ball/state": "0"}), probe)
+    publisher = probe.create_publisher(Odometry, "/ball/state", RELIABLE)
+    until(lambda: last() == ("probe: inputs", DiagnosticStatus.OK, "ready", {"/ball/state": "1"}), probe)
+    probe.destroy_publisher(publisher)
+    until(lambda: last() == ("probe: inputs", DiagnosticStatus.WARN, words, {"/ball/state": "0"}), probe)
+
+
+@pytest.mark.parametrize("willing", [True, False])
+def test_enable_calls_the_service_once_when_it_is_there(start, probe, until, willing):
+    asked = []
+
+    def serve(request, response):
+        asked.append(request.data)
+        response.success, response.message = willing, "so be it"
+        return response
+
+    program = start("tt_arm.enable_node")
+    until(lambda: "enable" in probe.get_node_names(), probe)  # it waits
+    probe.create_service(SetBool, "/arm/enable", serve)
+    until(lambda: asked and program.poll() is not None, probe)
+    assert asked == [True] and program.returncode == (0 if willing else 1)
+
+
+@pytest.fixture
+def robot(ros, tmp_path):
+    """The robot of sim.launch.yaml, as `ros2 launch` starts it; `robot()` is what it has printed."""
+    given = ("use_sim_time:=true", "rtf:=0.5")  # what happens is tested, not how fast a machine with other work is
+    printed = tmp_path / "robot.txt"
+    with printed.open("w") as file:
+        command = [sys.executable, "-m", "tt_bringup.ros2", "launch", "tt_bringup", "sim.launch.yaml", *given]
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
+    yield printed.read_text
+    process.send_signal(signal.SIGINT)
+    try:
+        assert process.wait(timeout=30.0) == 0, printed.read_text()
+    finally:
+        process.kill()
+
+
+def started(printed, name):
+    """The process ids of a node, in the order of its starts."""
+    return [int(pid) for pid in re.findall(rf"^\[launch\] {name} started, process (\d+)$", printed, re.MULTILINE)]
+
+
+@pytest.mark.timeout(300)  # s, of a busy machine; 45 s else
+def test_play_resumes_after_crashes(robot, probe, until):
+    """The next ball is measured, predicted and answered with strokes; the arm moves only when a person has enabled it again."""
+    paths, strokes, commands = [], [], []
+    probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", paths.append, RELIABLE)
+    probe.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", strokes.append, LATEST)
+    probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", lambda m: commands.append(np.array(m.data)), LATEST)
+    launcher = probe.create_client(Trigger, "/launcher/launch")
+    until(launcher.service_is_ready, probe, 60.0)
+
+    def play(seen):
+        """Ask for a ball every second, of which one flies at a time, until `seen()`."""
+        timer = probe.create_timer(1.0, lambda: launcher.call_async(Trigger.Request()))
+        until(seen, probe, 60.0)
+        probe.destroy_timer(timer)
+
+    def moves():
+        return any(command.any() for command in commands)
+
+    play(lambda: paths and strokes and moves())
+    assert "[enable] /arm/enable: enabled" in robot()
+
+    killed = {name: started(robot(), name)[-1] for name in ("predict", "racket", "arm")}
+    for pid in killed.values():
+        os.kill(pid, signal.SIGKILL)
+    until(lambda: all(started(robot(), name)[-1] != pid for name, pid in killed.items()), probe, 30.0)
+    for seen in (paths, strokes, commands):
+        seen.clear()
+    play(lambda: paths and strokes and commands)
+    assert not moves()
+    assert len(started(robot(), "enable")) == 1
+
+    enabler = probe.create_client(SetBool, "/arm/enable")
+    until(enabler.service_is_ready, probe)
+    answer = enabler.call_async(SetBool.Request(data=True))
+    until(answer.done, probe)
+    assert answer.result().success
+    play(moves)
