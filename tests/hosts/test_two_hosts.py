@@ -1,0 +1,99 @@
+"""The robot on two machines, started as the README shows: it plays as on one, and goes on by itself after the cable was out."""
+
+import time
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from hosts.two_hosts import is_hit, one_host, two_hosts
+from rosbags.highlevel import AnyReader
+from tt_core.ros.convert import seconds
+from tt_core.ros.status import read_status
+
+pytestmark = pytest.mark.timeout(300)  # two starts of the whole robot are in the first test
+
+BALLS = 5
+RATE = "rate:=30.0"  # balls a minute
+START = 100.0  # s until the first ball is hit; 20 to 35 s on two shared cores
+NEXT = 30.0  # s, room for 15 balls
+RESULTS = {("predict", "path"): "/ball/path", ("racket", "strokes"): "/racket/strokes"}  # by the node and the word that tell of them
+
+
+def play(session):
+    """(hits of BALLS balls, latencies in ms)."""
+    session.wait(lambda: any(map(is_hit, session.balls())), START, "a hit")
+    begun = session.balls()[-1].time
+    session.wait(lambda: len(session.balls(begun)) >= BALLS, NEXT, f"{BALLS} balls")
+    return sum(map(is_hit, session.balls(begun)[:BALLS])), session.latencies(begun)
+
+
+@pytest.fixture(scope="module")
+def alone(machines, tmp_path_factory):
+    one, _, domain = machines
+    folder = tmp_path_factory.mktemp("one")
+    with one_host(one, folder, domain, folder / "bag", RATE) as session:
+        return play(session)
+
+
+@pytest.fixture(scope="module")
+def pair(alone, machines, tmp_path_factory):
+    """(session on two hosts, its bag, the cuts so far: time out, time in again)."""
+    one, other, domain = machines
+    folder = tmp_path_factory.mktemp("two")
+    with two_hosts(one, other, folder, domain, folder / "bag", RATE) as session:
+        yield session, folder / "bag", []
+
+
+def test_two_machines_play_as_one_does(alone, pair, capsys):
+    hits, latencies = play(pair[0])
+    added = np.median(latencies) - np.median(alone[1])
+    with capsys.disabled():
+        print(f"\none machine: {alone[0]} of {BALLS} hit; two: {hits}; latency added by the network, median: {added:.1f} ms")
+    # A machine with other work to do misses balls on one host, too. benchmarks/hosts.py compares more of them.
+    assert hits >= min(alone[0], BALLS) - 2 and latencies
+
+
+def test_the_clocks_agree(pair):
+    session, *_ = pair
+    session.wait(lambda: any(t.name == "watch" for t in session.told), NEXT, "clock offsets")
+    told = [t.values for t in session.told if t.name == "watch"]
+    assert {"sim", "estimate"} >= {values["worst"] for values in told}
+    assert all(float(values["least_ms"]) == 0.0 for values in told)  # both machines have the clock of this one
+
+
+@pytest.mark.parametrize("duration", [0.2, 1.0, 5.0])
+def test_play_goes_on_after_the_cable_was_out(pair, machines, duration):
+    """Out while the arm swings at a ball. The lease is 2 s: after 5 s all nodes must find each other anew."""
+    session, _, cuts = pair
+    begun = len(session.latencies())
+    session.wait(lambda: len(session.latencies()) > begun, NEXT, "a swing")
+    out = time.time()
+    machines[1].unplug()
+    time.sleep(duration)
+    machines[1].plug()
+    cuts.append((out, time.time()))
+    session.wait(lambda: any(map(is_hit, session.balls(cuts[-1][1]))), NEXT, f"a hit after {duration} s without a cable")
+
+
+def test_the_recording_is_whole(pair):
+    """Readable, and with every result that the nodes of the recorder's own machine told of, in order, across all cuts."""
+    session, bag, cuts = pair
+    session.close()
+    recorded, told = defaultdict(list), defaultdict(list)  # stamps of results, s; by topic
+    after = 0  # messages of the other machine after the last cut
+    with AnyReader([bag]) as reader:
+        for connection, time, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            if connection.topic in RESULTS.values():
+                recorded[connection.topic].append(seconds(message.header.stamp))
+            elif connection.topic == "/diagnostics":
+                for _, name, text, values in read_status(message):
+                    if (name, text) in RESULTS:
+                        told[RESULTS[name, text]].append(float(values["stamp"]))
+            elif connection.topic == "/joint_states":
+                after += bool(cuts) and time * 1e-9 > cuts[-1][1]
+    for topic in RESULTS.values():
+        count = len(told[topic])
+        assert count > BALLS and recorded[topic][:count] == pytest.approx(told[topic], abs=1e-6), topic
+        assert len(recorded[topic]) <= count + 1, topic  # the recorder may end between a result and what is told of it
+    assert after > 0 or not cuts

@@ -1,0 +1,30 @@
+"""Prints what the nodes of a graph tell on /diagnostics, one JSON object a line, and how far the clocks of the nodes are off."""
+
+import json
+import sys
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from tt_core.ros.clock_offset import ClockMonitor
+from tt_core.ros.qos import RELIABLE
+from tt_core.ros.run import run
+from tt_core.ros.status import Status, read_status
+
+
+class Watch(Node):
+    """/diagnostics -> standard output."""
+
+    def __init__(self) -> None:
+        super().__init__("watch", enable_rosout=False)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
+        self.monitor = ClockMonitor(self, Status(self))
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        for time, name, text, values in read_status(message):
+            print(json.dumps({"time": time, "name": name, "text": text, "values": values}), flush=True)
+
+
+if __name__ == "__main__":
+    rclpy.logging.set_logger_level("watch", rclpy.logging.LoggingSeverity.ERROR)
+    sys.exit(run(Watch))
