@@ -25,6 +25,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -227,7 +228,9 @@ class Graph:
 
     def __enter__(self) -> Graph:
         if not rclpy.ok():
-            rclpy.init()
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            for number in (signal.SIGINT, signal.SIGTERM):  # both leave nothing behind
+                signal.signal(number, signal.default_int_handler)
         joints = "/joint_states"
         self.watch = Watch(THROUGH + joints if joints in self._through else joints)
         self.relays = {topic: Relay(self.watch, topic, kind) for topic, (_, kind) in self._through.items()}
