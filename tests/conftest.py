@@ -1,6 +1,5 @@
 """Real ROS for node tests: a domain of its own, on this machine only, every process ended."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -11,6 +10,10 @@ from hypothesis import settings
 
 settings.register_profile("kernels", deadline=None)  # the first call of a kernel may compile it
 settings.load_profile("kernels")
+
+ENDING = 10.0  # s for a node to end; the launcher waits as long before it kills
+# done; a parameter refused; interrupted before there was anything to close; killed by the test itself
+IN_ORDER = (0, 2, -signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)
 
 
 @pytest.fixture
@@ -26,25 +29,44 @@ def ros(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def start(ros):
-    """start("package.module", *args) runs a node in a process of its own; after the test it is interrupted and must have gone."""
+def start(ros, tmp_path):
+    """start("package.module", *args) runs a node in a process of its own, as its executable does; `stderr` is what it has printed so far.
+
+    After the test it is interrupted and must end in order, at whatever moment that is.
+    """
     processes = []
 
     def start(module, *args):
-        command = [sys.executable, "-m", module, *args]
-        processes.append(subprocess.Popen(command, env=os.environ, stderr=subprocess.PIPE, text=True))
-        return processes[-1]
+        command = ["env", "--block-signal=INT", sys.executable, "-m", "tt_core.start", module, *args]
+        log = tmp_path / f"stderr_{len(processes)}.txt"  # a pipe that nobody reads would stop a node that prints much
+        with log.open("w") as file:
+            process = subprocess.Popen(command, stderr=file)
+        process.stderr = log.open()
+        processes.append(process)
+        return process
 
     yield start
     for process in processes:
         process.send_signal(signal.SIGINT)
-    for process in processes:
+    failures = [failure for process in processes if (failure := _end(process))]
+    assert not failures, "\n".join(failures)
+
+
+def _end(process):
+    """Wait for the end of a process that was interrupted; None, or what was wrong with it."""
+    with process.stderr:
         try:
-            process.communicate(timeout=10)
+            process.wait(timeout=ENDING)
+            wrong = process.returncode not in IN_ORDER
         except subprocess.TimeoutExpired:
             process.kill()
-            process.communicate()
-            pytest.fail(f"{process.args} did not end on SIGINT within 10 s")
+            process.wait()
+            wrong = True
+        process.stderr.seek(0)
+        printed = process.stderr.read()
+    if wrong or "Traceback" in printed:
+        return f"{process.args} ended with exit code {process.returncode}:\n{printed}"
+    return None
 
 
 @pytest.fixture

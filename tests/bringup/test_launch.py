@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import signal
 import sys
 import time
@@ -14,6 +15,7 @@ from tt_bringup.launch import LaunchError, Process, System, arguments, processes
 
 SOURCES = Path(__file__).parents[2] / "ros_ws" / "src"
 LAUNCH_FILES = sorted((SOURCES / "tt_bringup" / "launch").glob("*.launch.yaml"))
+SCRIPTS = sorted(SOURCES.glob("*/scripts/*"))
 NODE = """
 launch:
   - arg: {name: speed, default: "1.0"}
@@ -77,12 +79,29 @@ def test_substitutions(monkeypatch, tmp_path):
         with pytest.raises(LaunchError):
             substitute(bad, {"a": "1"})
     assert substitute("$(var a)", {"a": "$(var a)"}) == "$(var a)"  # a value is no program
+    assert substitute("$(not-equals $(var a) '')", {"a": ""}) == "false"
+    assert substitute("$(not-equals $(var a) '')", {"a": "here or there"}) == "true"
+    assert substitute("$(not-equals $(var a) here)", {"a": "here"}) == "false"
+
+
+@pytest.mark.parametrize("name, sees", [("sim", "sim"), ("robot", "camera")])
+def test_one_argument_opens_the_graph_to_other_machines(name, sees):
+    """Each machine starts its part; without `peers` the environment stays as it is."""
+    path = SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml"
+    whole = processes(path, {"record": "false"})
+    assert [process.name for process in whole] == [sees, "estimate", "predict", "racket", "arm"]
+    assert not any(process.environment for process in whole)
+    opened = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "192.168.1.2;other.local"}
+    for part, names in (("arm", [sees, "estimate"]), ("vision", ["predict", "racket", "arm"])):
+        started = processes(path, {"record": "false", "peers": "192.168.1.2;other.local", part: "false"})
+        assert [process.name for process in started] == names
+        assert all(process.environment == opened for process in started)
 
 
 @pytest.mark.parametrize(
     "text, reason",
     [
-        ("launch: [{group: []}]", "'group' is none of arg, node, executable"),
+        ("launch: [{group: []}]", "'group' is none of arg, set_env, node, executable"),
         ("launch: [{node: {pkg: a, exec: b, respwan: true}}]", "node has no respwan; it has"),
         ("launch: [{arg: {name: a, default: 1.0}}]", "default of a must be a quoted string, got 1.0"),
         ("launch: [{arg: {name: a, description: why}}]", r"needs a:= \(why\)"),
@@ -104,21 +123,22 @@ def test_an_unknown_argument_names_the_known_ones(file):
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_nodes_exist(path):
-    """Every node is an entry point of its package, and every argument is told and used."""
+    """Every node is installed by its package, and every argument is told and used."""
     for kind, keys in read(path):
         if kind == "node":
             setup = (SOURCES / keys["pkg"] / "setup.py").read_text()
-            scripts = {node.value.split("=")[0].strip() for node in ast.walk(ast.parse(setup)) if _is_entry_point(node)}
-            if not scripts:
-                pytest.skip(f"{keys['pkg']} has no node yet")
-            assert keys["exec"] in scripts
+            assert f"scripts/{keys['exec']}" in {node.value for node in ast.walk(ast.parse(setup)) if isinstance(node, ast.Constant)}
     for argument in arguments(path):
         assert argument.description
         assert f"$(var {argument.name})" in path.read_text()
 
 
-def _is_entry_point(node):
-    return isinstance(node, ast.Constant) and isinstance(node.value, str) and "=" in node.value and ":" in node.value
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_our_executables_start_a_module_with_interrupts_blocked(script):
+    shebang, *_, last = script.read_text().splitlines()
+    assert shebang == "#!/usr/bin/env -S --block-signal=INT python3" and os.access(script, os.X_OK)
+    module = re.fullmatch(r'start\("(\w+)\.(\w+)"\)', last)
+    assert module and "def main()" in (SOURCES / module[1] / module[1] / f"{module[2]}.py").read_text()
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
@@ -153,6 +173,15 @@ def test_the_end_of_a_required_process_is_the_end_of_all():
     assert "[one] hello" in told and not system.failed
     started = [int(line.split()[-1]) for line in told if "started" in line]
     assert len(started) == 2 and all(group_is_gone(pid) for pid in started)
+
+
+def test_a_process_has_its_own_variables_beside_ours(monkeypatch):
+    monkeypatch.setenv("TT_OURS", "ours")
+    told = []
+    show = Process("one", python("import os; print(os.environ['TT_OURS'], os.environ['TT_ITS'])"), environment={"TT_ITS": "its"})
+    with System([show], told.append) as system:
+        assert system.wait(timeout=20.0)
+    assert "[one] ours its" in told
 
 
 def test_a_failure_is_remembered_and_the_others_go_on():

@@ -11,7 +11,7 @@ times = st.lists(st.integers(0, 200 * MS), max_size=30).map(sorted)
 
 @given(times, st.integers(1, 50))
 def test_the_clock_never_runs_behind_a_message(times, period):
-    messages = [Step(time, "/a", b"x") for time in times]
+    messages = [Step(time, ("/a", "std_msgs/msg/Empty"), b"x") for time in times]
     steps = list(with_clock(messages, 0, 200 * MS, period * MS))
     assert [step for step in steps if step.topic] == messages
     ticks = [step.time for step in steps if not step.topic]

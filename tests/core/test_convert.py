@@ -118,8 +118,6 @@ def test_joints_come_in_the_order_that_is_asked_for():
         (convert.image_from_message, Image(encoding="mono8", width=4, height=4, step=4), "0 bytes of step 4"),
         (convert.camera_from_message, CameraInfo(), "not calibrated"),
         (convert.camera_from_message, CameraInfo(distortion_model="equidistant"), "'equidistant' with 0 numbers is not plumb_bob"),
-        (lambda m: convert.joints_from_message(m, ["a"]), JointState(name=["b"], position=[1.0], velocity=[1.0]), "of \\['a'\\] expected"),
-        (lambda m: convert.joints_from_message(m, ["a"]), JointState(name=["a"], position=[1.0]), "expected"),
         (lambda m: convert.joints_from_message(m, ["a"]), JointState(name=["a"], position=[np.nan], velocity=[0.0]), "not finite"),
     ],
 )

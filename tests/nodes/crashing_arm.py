@@ -12,13 +12,13 @@ class CrashingArm(ArmNode):
         self.moved, self.healthy = 0, self.control.step
         self.control.step = self.crash
 
-    def crash(self, joints, now):
-        step = self.healthy(joints, now)
+    def crash(self, joints, now, clock, *, has_speeds):
+        step = self.healthy(joints, now, clock, has_speeds=has_speeds)
         self.moved += bool(step.command.any())
         if self.moved > 30:
             raise RuntimeError("a crash")
         return step
 
 
-if __name__ == "__main__":
+def main() -> None:
     run(CrashingArm)

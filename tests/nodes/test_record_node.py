@@ -1,10 +1,17 @@
 """What goes over the wire is what is recorded and what is played again."""
 
+import os
+import resource
 import signal
-from contextlib import closing
+import subprocess
+import sys
+import time
 
+import pytest
 import rclpy
 import yaml
+from bagforms import FORMS, TYPES
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
@@ -12,8 +19,11 @@ from rclpy.time import Time
 from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
-from tt_bringup.record import Recording, open_bag, reindex
+from tt_bringup.record import Recording
 from tt_bringup.record_node import offered_qos
+from tt_bringup.reindex import reindex
+from tt_core.ros.bags import Bag
+from tt_core.ros.qos import RELIABLE
 
 BEST_EFFORT = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -22,11 +32,11 @@ START = 1_700_000_000_000_000_000  # ns
 
 def contents(bag):
     """Messages as bytes and the offered quality of service, by topic."""
-    with closing(open_bag(bag)) as reader:
-        found = {connection.topic: [] for connection in reader.connections}
-        for connection, _, data in reader.messages():
-            found[connection.topic].append(bytes(data))
-        return found, {connection.topic: connection.ext.offered_qos_profiles for connection in reader.connections}
+    with Bag(bag) as reader:
+        found = {topic.name: [] for topic in reader.topics}
+        for message in reader.messages():
+            found[message.topic].append(message.data)
+        return found, {topic.name: topic.offered for topic in reader.topics}
 
 
 def test_it_records_all_that_is_offered(start, probe, until, tmp_path):
@@ -36,7 +46,9 @@ def test_it_records_all_that_is_offered(start, probe, until, tmp_path):
     reliable = probe.create_publisher(Point, "/reliable", 1000)
     excluded = probe.create_publisher(Point, "/excluded", 10)
     bag = tmp_path / "bag"
-    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "exclude:=^/(excluded|rosout|parameter_events)$")
+    recorder = start(
+        "tt_bringup.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "exclude:=^/(excluded|rosout|parameter_events|diagnostics)$"
+    )
     until(lambda: all(output.get_subscription_count() for output in (latched, sensor, reliable)), probe)
 
     messages = [Point(x=float(i)) for i in range(500)]
@@ -73,7 +85,7 @@ def test_a_killed_recorder_leaves_what_can_be_saved(start, probe, until, tmp_pat
     recorder = start("tt_bringup.ros2", "bag", "record", "/image", "-o", str(bag))
     until(lambda: output.get_subscription_count(), probe)
     image = Image(height=100, width=1000, step=1000, encoding="mono8", data=bytes(100_000))
-    until(lambda: (bag / "bag.mcap").stat().st_size > 2_000_000 or output.publish(image), probe)
+    until(lambda: len((bag / "bag.mcap").read_bytes().rstrip(b"\0")) > 2_000_000 or output.publish(image), probe)
     recorder.kill()
     recorder.wait(timeout=20)
 
@@ -81,6 +93,65 @@ def test_a_killed_recorder_leaves_what_can_be_saved(start, probe, until, tmp_pat
     assert summary.counts["/image"] >= 11  # a chunk of 1 MB
     saved = [deserialize_message(data, Image) for data in contents(bag)[0]["/image"]]  # the padding of CDR is arbitrary
     assert saved == [image] * summary.counts["/image"]
+
+
+def image(size=100_000):
+    return Image(height=100, width=size // 100, step=size // 100, encoding="mono8", data=bytes(size))
+
+
+def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path):
+    """The file of the recorder may not grow beyond 20 MB; then it may again."""
+    output, told = probe.create_publisher(Image, "/image", 10), []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    bag, picture = tmp_path / "bag", image(1_000_000)
+    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "topics:=[/image]")
+    until(lambda: output.get_subscription_count(), probe)
+    soft, hard = resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (20_000_000, hard))
+
+    def words():
+        return [(status.message, status.level, {v.key: v.value for v in status.values}) for m in told for status in m.status]
+
+    def dropping():
+        output.publish(picture)
+        return [w for w in words() if w[0] == "the disk is full: File too large" and int(w[2].get("dropped /image", 0)) > 3]
+
+    until(dropping, probe)
+    (_, level, values), *_ = dropping()
+    assert level == DiagnosticStatus.WARN and int(values["free_bytes"]) > 0 and int(values["queued_bytes"]) >= 0
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (soft, hard))
+    until(lambda: output.publish(picture) or words()[-1][0] == "recording", probe)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(timeout=20) == 1
+    errors = recorder.stderr.read()
+    assert "Traceback" not in errors
+    assert f"recorded {bag}: " in errors and "dropped because the disk was full or slow: " in errors
+    found, _ = contents(bag)
+    assert len(found["/image"]) > 20  # more than those before the disk was full
+
+
+def test_a_recorder_whose_disk_is_full_at_the_start_says_so(start, tmp_path):
+    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}", "-p", f"reserve_bytes:={2**40}")
+    assert recorder.wait(timeout=20) == 2
+    errors = recorder.stderr.read()
+    assert "would stay free" in errors and "Traceback" not in errors
+
+
+def points(count=100):
+    """Rows for a bag: count points on /old, 10 ms apart, the first of them on /latched and all on /unwanted."""
+    kind = "geometry_msgs/msg/Point"
+    rows = [("/latched", kind, START, TYPES.types[kind](0.0, 0.0, 0.0))]
+    for i in range(count):
+        rows += [(topic, kind, START + i * 10_000_000, TYPES.types[kind](float(i), 0.0, 0.0)) for topic in ("/old", "/unwanted")]
+    return rows
+
+
+def listen(probe, topics, qos=1000):
+    """What comes on each of `topics`, as bytes."""
+    got = {topic: [] for topic in topics}
+    for topic, messages in got.items():
+        probe.create_subscription(Point, topic, messages.append, qos, raw=True)
+    return got
 
 
 def test_a_bag_is_played_as_it_was(start, probe, until, tmp_path):
@@ -95,15 +166,78 @@ def test_a_bag_is_played_as_it_was(start, probe, until, tmp_path):
         recording.add("/unwanted", START + i * 10_000_000, message)
     recording.close()
 
-    got, latched, unwanted, clock = [], [], [], []
-    probe.create_subscription(Point, "/new", got.append, 1000, raw=True)
-    probe.create_subscription(Point, "/latched", latched.append, LATCHED, raw=True)
-    probe.create_subscription(Point, "/unwanted", unwanted.append, 1000, raw=True)
+    got, latched, clock = listen(probe, ["/new", "/unwanted"]), listen(probe, ["/latched"], LATCHED), []
     probe.create_subscription(Clock, "/clock", lambda message: clock.append(Time.from_msg(message.clock).nanoseconds), 1000)
-    options = ("--clock", "100", "--rate", "2", "--topics", "/latched", "/old", "--remap", "/old:=/new")
-    player = start("tt_bringup.ros2", "bag", "play", str(tmp_path / "bag"), *options)
-    until(lambda: player.poll() is not None and len(got) == len(messages), probe)
+    values = {
+        "bag": tmp_path / "bag",
+        "clock": 100.0,
+        "rate": 2.0,
+        "topics": ["/latched", "/old"],
+        "wait_for": ["/latched", "/new", "/clock"],
+    }
+    options = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+    player = start("tt_bringup.play_node", "--ros-args", *options, "-r", "/old:=/new")
+    until(lambda: player.poll() is not None and len(got["/new"]) == len(messages), probe)
     assert player.returncode == 0
-    assert got == messages and latched == messages[:1] and not unwanted
+    assert got["/new"] == messages and latched["/latched"] == messages[:1] and not got["/unwanted"]
     assert clock == sorted(clock) and clock[0] == START
     assert START + 970_000_000 <= clock[-1] <= START + 990_000_001  # a tick every 20 ms of recorded time, to its end
+
+
+@pytest.mark.parametrize("form", ["sqlite3", "mcap message zstd", "ros1"])
+def test_other_forms_are_played_too(start, probe, until, tmp_path, form):
+    bag, got = FORMS[form](tmp_path, points()), listen(probe, ["/old", "/latched", "/unwanted"])
+    start("tt_bringup.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "rate:=5", "-p", f"wait_for:={list(got)}")
+    until(lambda: [len(messages) for messages in got.values()] == [100, 1, 100], probe)
+    assert [deserialize_message(data, Point).x for data in got["/old"]] == [float(i) for i in range(100)]
+
+
+def test_playback_begins_when_every_consumer_is_there(start, probe, until, tmp_path):
+    """Neither the first listener nor the recorder is enough."""
+    bag, early = FORMS["mcap"](tmp_path, points()), listen(probe, ["/old"])
+    options = ("-p", f"bag:={bag}", "-p", "rate:=5", "-p", "wait_for:=[/old, /unwanted, /result]", "-p", "recorded:=true")
+    player = start("tt_bringup.play_node", "--ros-args", *options)
+    until(lambda: "player" in probe.get_node_names(), probe)
+    recorded = tmp_path / "again"
+    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={recorded}")
+    until(lambda: "record" in probe.get_node_names(), probe)
+    late = listen(probe, ["/unwanted"])
+    until(lambda: probe.count_publishers("/unwanted"), probe)
+    assert not early["/old"] and player.poll() is None
+    listen(probe, ["/result"])
+    until(lambda: player.poll() is not None, probe)
+    until(lambda: len(early["/old"]) == len(late["/unwanted"]) == 100, probe)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(timeout=20) == 0
+    assert len(contents(recorded)[0]["/unwanted"]) == 100
+
+
+def test_a_consumer_that_does_not_come_is_named(start, probe, until, tmp_path):
+    bag = FORMS["mcap"](tmp_path, points())
+    player = start("tt_bringup.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "wait_for:=[/old, /result]", "-p", "patience:=0.5")
+    until(lambda: player.poll() is not None, probe)
+    assert player.returncode == 2
+    assert player.stderr.read().strip() == "play: nobody listens to /old, /result within 0.5 s"
+
+
+def test_the_command_plays_when_nobody_listens(start, probe, until, tmp_path):
+    bag = FORMS["sqlite3"](tmp_path, points(10))
+    begun = time.monotonic()
+    player = start("tt_bringup.ros2", "bag", "play", str(bag))
+    until(lambda: player.poll() is not None, probe)
+    assert player.returncode == 0
+    assert time.monotonic() - begun < 20.0  # s; it does not wait half a minute
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("after", [0.2, 0.5, 0.8, 1.1, 1.5, 2.0])
+def test_a_player_ends_at_once(ros, tmp_path, number, after):
+    """Whatever it does: load, look for listeners or play."""
+    bag = FORMS["mcap file zstd"](tmp_path, points(10_000))
+    command = [sys.executable, "-m", "tt_bringup.ros2", "bag", "play", str(bag)]
+    player = subprocess.Popen(command, env=os.environ, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    time.sleep(after)
+    player.send_signal(number)
+    _, errors = player.communicate(timeout=5)
+    assert player.returncode in (130, -number)
+    assert "Traceback" not in errors and "Error" not in errors

@@ -128,7 +128,7 @@ def test_bad_input_names_itself(tmp_path, capsys):
     assert main([str(tmp_path / "nothing")]) == 2
     assert main([str(tmp_path)]) == 2
     errors = capsys.readouterr().err
-    assert "does not exist" in errors and "holds no *.mcap file" in errors
+    assert "there is no file or folder" in errors and "holds no file *.mcap, *.db3, *.bag" in errors
 
 
 @pytest.mark.skipif("TT_DATA_DIR" not in os.environ, reason="TT_DATA_DIR does not name the folder of recorded launches")

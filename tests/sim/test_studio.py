@@ -1,5 +1,7 @@
 """Launches from a process of its own: all images of a ball in the order of their arrival, the same again by their seed, and an end."""
 
+import subprocess
+import sys
 import threading
 import time
 
@@ -52,3 +54,13 @@ def test_a_crew_that_has_ended_is_told(hire):
     process.kill()
     with pytest.raises(EOFError, match="has ended"):
         crew.take("top", 3)
+
+
+def test_a_crew_ends_with_whoever_has_hired_it():
+    """Killed, while it renders or still starts; without a word on stderr."""
+    hirer = "from tt_sim.studio import Crew, Studio\ncrew = Crew(Studio())\nprint(crew._process.pid, flush=True)\ncrew.take('top', 3)"
+    with subprocess.Popen([sys.executable, "-c", hirer], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        crew = psutil.Process(int(process.stdout.readline()))
+        process.kill()
+        assert process.stderr.read() == ""  # its end: the crew holds it open as long as it lives
+    crew.wait(5.0)

@@ -8,10 +8,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_arm"]),
         ("share/tt_arm", ["package.xml"]),
+        ("lib/tt_arm", ["scripts/arm_node", "scripts/enable"]),
         ("share/tt_arm/urdf", ["tt_arm/urdf/pa10.urdf"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["arm_node = tt_arm.arm_node:main"]},
 )

@@ -16,11 +16,11 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
+        ("lib/tt_bringup", ["scripts/play_node", "scripts/record_node"]),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["record_node = tt_bringup.record_node:main"]},
 )

@@ -7,9 +7,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_predict"]),
         ("share/tt_predict", ["package.xml"]),
+        ("lib/tt_predict", ["scripts/predict_node"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["predict_node = tt_predict.predict_node:main", "identify = tt_predict.identify:main"]},
+    entry_points={"console_scripts": ["identify = tt_predict.identify:main"]},
 )

@@ -7,9 +7,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_racket"]),
         ("share/tt_racket", ["package.xml"]),
+        ("lib/tt_racket", ["scripts/racket_node"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["racket_node = tt_racket.racket_node:main"]},
 )

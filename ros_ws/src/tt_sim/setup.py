@@ -8,13 +8,13 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_sim"]),
         ("share/tt_sim", ["package.xml"]),
+        ("lib/tt_sim", ["scripts/sim_node"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
     entry_points={
         "console_scripts": [
-            "sim_node = tt_sim.sim_node:main",
             "experiment = tt_sim.experiments.main:main",
             "sight = tt_sim.sight_fit:main",
             "sweep = tt_sim.sweep:main",

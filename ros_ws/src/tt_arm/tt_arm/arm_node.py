@@ -1,44 +1,66 @@
-"""Drives the arm: strokes in, joint velocity commands out, one for each joint state."""
+"""Drives the arm: strokes in, joint velocity commands out, one for each joint state.
+
+The executor's thread is that of guard and servo: it does nothing that takes more than a millisecond. Strokes are planned in a thread of
+their own. All deadlines run on the monotonic clock.
+"""
 
 from __future__ import annotations
 
-import re
+import sys
+import threading
 import time
+from dataclasses import replace
 
+import numpy as np
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
-from tt_core.errors import TtError
+from tt_core.errors import TtError, check_range
+from tt_core.failures import Failure
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
+from tt_core.ros.inputs import Input
 from tt_core.ros.params import declare, parameter
-from tt_core.ros.qos import LATEST
+from tt_core.ros.qos import LATEST, NEWEST
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 
 from .choice import ChoiceParams
-from .control import ArmControl, ControlParams, warm
+from .control import ArmControl, ControlParams, Step, warm
 from .feasible import check_feasible
 from .guard import GuardParams
+from .joint_states import JointStateParams
 from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
 from .servo import ServoParams
+from .stops import ArmStop
 from .swing import Joints, SwingLimits
 
+WATCH = 0.0025  # s between two looks whether joint states have ceased
+LOOK = 0.25  # s between two looks at who else publishes commands or joint states
 TICK = 0.002  # s between the last commands of a node that ends
+LONGEST_END = 1.0  # s, that they may take
 POINTS = 0.02  # s between the points of the published swing
+SWITCH = 5e-4  # s, that the servo waits at most for Python code of the planning thread
+TELL = 0.2  # s between two reports of what stops the arm
+LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
 class ArmNode(Node):
-    """strokes and joint states -> velocity commands, the planned swing."""
+    """Subscribe to joint states and strokes; publish velocity commands and the planned swing."""
 
     def __init__(self) -> None:
         super().__init__("arm")
         base, mount, waiting = (parameter(self, n, list(v)) for n, v in (("base", BASE), ("mount", MOUNT), ("waiting", WAITING)))
         model = ArmModel.pa10(base, mount, waiting, parameter(self, "urdf", str(URDF)))
         self.joints = parameter(self, "joints", list(model.names))
+        self.rtf = check_range("rtf", parameter(self, "rtf", 1.0), 0.01, 10.0)  # simulated seconds in a second
         self.control = ArmControl(
             model,
             declare(self, SwingLimits, "swing."),
@@ -47,42 +69,134 @@ class ArmNode(Node):
             declare(self, GuardParams, "guard."),
             declare(self, ChoiceParams, "choice."),
             declare(self, ControlParams),
+            self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )
+        self.control.speed_scale = self._declare_speed_scale()
         self.status = Status(self)
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on
-        self.reason: str | None = None
+        self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
         check_feasible(model, self.control.limits)
+        sys.setswitchinterval(SWITCH)
+        self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
+        self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
+        self.arrival = threading.Event()
         self.commands = self.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", LATEST)
-        self.create_subscription(JointState, "/joint_states", self.on_joints, LATEST)
-        self.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", self.on_strokes, LATEST)
+        self.states = Input(self, JointState, "/joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
+        self.candidates = Input(
+            self,
+            MultiDOFJointTrajectory,
+            "/racket/strokes",
+            self.on_strokes,
+            LATEST,
+            largest=LARGEST_STROKES,
+            refused=self.on_refused_strokes,
+        )
         self.create_service(SetBool, "/arm/enable", self.on_enable)
         self.create_service(Trigger, "/arm/stop", self.on_stop)
-        self.create_timer(0.02, self.on_watch)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(WATCH, self.on_watch, clock=steady)
+        self.create_timer(LOOK, self.on_look, clock=steady)
         self.control.enable(parameter(self, "enabled", False))
+        threading.Thread(target=self.plan, name="planning", daemon=True).start()
+
+    def _in_simulated_time(self, params: JointStateParams) -> JointStateParams:
+        """What simulated time allows that runs faster than the clock on the wall: delays last as much longer in it."""
+        if self.rtf <= 1.0:
+            return params
+        return replace(params, silence=params.silence * self.rtf, late=params.late * self.rtf, ahead=params.ahead * self.rtf)
+
+    def _declare_speed_scale(self) -> float:
+        """The one parameter that acts at run time: a reduced speed for work near people."""
+        descriptor = ParameterDescriptor(
+            description="Share of the speed limits that the arm may use; acts at once",
+            floating_point_range=[FloatingPointRange(from_value=0.01, to_value=1.0)],
+        )
+        value = self.declare_parameter("speed_scale", 1.0, descriptor).value
+        self.add_on_set_parameters_callback(self.on_parameters)
+        return float(value)
+
+    def on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        for changed in parameters:
+            if changed.name == "speed_scale":
+                try:
+                    self.control.speed_scale = changed.value
+                except (TtError, TypeError) as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def on_joints(self, message: JointState) -> None:
+        now, clock = self.monotonic(), self.now()
         try:
-            step = self.control.step(Joints(*joints_from_message(message, self.joints)), self.now())
-        except Exception as error:  # whatever it is, the arm must not move on
-            self.fail(error)
+            state = joints_from_message(message, self.joints)
+            if state is None:  # other joints on our topic
+                return
+            stamp, q, qdot = state
+            joints = Joints(stamp, q, np.zeros(len(q)) if qdot is None else qdot)
+            step = self.control.step(joints, now, clock, has_speeds=qdot is not None)
+        except TtError as error:
+            self.on_refused_state(error)
             return
+        except Exception as error:  # whatever it is, the arm must not move on
+            self.commands.publish(Float64MultiArray(data=self.control.fail(error, now).tolist()))
+            self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
+            self.tell(self.control.guard.latched)
+            return
+        self.send(step)
+
+    def on_refused_state(self, error: TtError) -> None:
+        """Brake: a joint state that cannot be read tells nothing of where the arm is."""
+        self.send(self.control.refuse(self.monotonic(), Failure(ArmStop.UNREADABLE, error=error)))
+
+    def on_watch(self) -> None:
+        """Brake when joint states have ceased."""
+        step = self.control.watch(self.monotonic())
+        if step is not None:
+            self.send(step)
+
+    def send(self, step: Step) -> None:
         self.commands.publish(Float64MultiArray(data=step.command.tolist()))
         if step.begun is not None:
             self.status.tell("first command", stamp=self.frame_time)
+        if step.interrupted:  # the stroke may still be made from where the arm is now
+            self.strokes = self.strokes or self.planned
+            self.arrival.set()
         self.tell(step.reason)
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
-        try:
-            choice = self.control.take(strokes_from_message(message))
-        except TtError as error:
-            self.status.tell(str(error), warn=True)
+        """Leave them to the planning thread; older ones that it has not taken yet are replaced."""
+        self.strokes = message
+        self.arrival.set()
+
+    def on_refused_strokes(self, error: TtError) -> None:
+        self.status.tell(f"strokes refused: {error}", warn=True)
+
+    def plan(self) -> None:
+        """Take the newest strokes, again and again; the planning thread."""
+        while self.context.ok():
+            self.arrival.wait()
+            self.arrival.clear()
+            message, self.strokes = self.strokes, None
+            if message is None:
+                continue
+            self.planned = message
+            try:
+                self.take(message)
+            except TtError as error:
+                self.on_refused_strokes(error)
+            except Exception as error:  # a fault in planning is no reason to stop the servo
+                if self.context.ok():
+                    self.get_logger().error(f"planning failed: {type(error).__name__}: {error}", throttle_duration_sec=1.0)
+                    self.status.tell(f"planning failed: {type(error).__name__}: {error}", warn=True)
+
+    def take(self, message: MultiDOFJointTrajectory) -> None:
+        stamp, bound = seconds(message.header.stamp), self.control.states.params.ahead
+        if stamp > self.now() + bound:
+            self.status.tell(str(Failure(ArmStop.STROKES_AHEAD, age=stamp - self.now(), bound=bound)), warn=True)
             return
-        except Exception as error:
-            self.fail(error)
-            return
-        stamp, reasons = seconds(message.header.stamp), "; ".join(choice.reasons)
+        choice = self.control.take(strokes_from_message(message))
+        reasons = "; ".join(choice.reasons)
         if choice.swing is None or choice.reach is None:
             self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=reasons)
             return
@@ -105,40 +219,47 @@ class ArmNode(Node):
         return response
 
     def on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.control.enable(False, "stopped by /arm/stop")
-        response.success, response.message = True, "stopped; /arm/enable starts again"
+        self.control.enable(False, Failure(ArmStop.STOPPED))
+        response.success, response.message = True, str(Failure(ArmStop.STOPPED))
         return response
 
-    def on_watch(self) -> None:
-        """Stops the arm when the joint states have ceased."""
-        now = self.now()
-        command = self.control.watch(now)
-        if command is not None and self.control.joints is not None:
-            self.commands.publish(Float64MultiArray(data=command.tolist()))
-            self.tell("no joint state in time")
+    def on_look(self) -> None:
+        """Stop the arm while anybody else publishes commands or joint states."""
+        for topic in (self.commands.topic_name, self.states.topic):
+            publishers = self.get_publishers_info_by_topic(topic)
+            failure = None
+            if len(publishers) > 1:
+                names = ", ".join(sorted(f"{p.node_namespace.rstrip('/')}/{p.node_name}" for p in publishers))
+                failure = Failure(ArmStop.SECOND_PUBLISHER, count=len(publishers), topic=topic, names=names)
+            self.control.hold(topic, failure)
 
     def now(self) -> float:
         """s, by the node's clock."""
         return self.get_clock().now().nanoseconds * 1e-9
 
-    def tell(self, reason: str | None) -> None:
-        """Why the arm does not do what its swing wants, when that changes: in words, but for numbers that change with every look."""
-        words = None if reason is None else re.sub(r"[0-9.]+", "", reason)
-        if words != self.reason:
-            self.reason = words
-            self.status.tell(f"guard: {reason or 'nothing to cut'}", warn=reason is not None)
+    def monotonic(self) -> float:
+        """s, by the monotonic clock, in simulated seconds where time is simulated."""
+        return time.monotonic() * self.rtf
 
-    def fail(self, error: Exception) -> None:
-        self.commands.publish(Float64MultiArray(data=self.control.fail(f"failed: {type(error).__name__}: {error}").tolist()))
-        self.tell(self.control.guard.latched)
-        self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
+    def tell(self, reason: Failure | None) -> None:
+        """Report what stops the arm, or makes it do less than its swing asks, when that changes; at most each TELL s."""
+        kind, now = "" if reason is None else reason.code.name, time.monotonic()
+        if kind != self.told and now > self.told_at + TELL:
+            self.told, self.told_at = kind, now
+            self.status.tell(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, code=kind or "NONE")
 
     def close(self) -> None:
-        """Brings the arm to rest before the context ends, for whatever reason it does."""
-        for command in self.control.ending(TICK):
+        """Bring the arm to rest before the context ends, for whatever reason it does."""
+        failure, end = Failure(ArmStop.ENDED), time.monotonic() + LONGEST_END
+        self.control.enable(False, failure)
+        while time.monotonic() < end:
+            command = self.control.refuse(self.monotonic(), failure).command
             self.commands.publish(Float64MultiArray(data=command.tolist()))
+            if not command.any():
+                break
             time.sleep(TICK)
-        self.tell("the node ends")
+        self.told_at = 0.0
+        self.tell(failure)
         self.commands.wait_for_all_acked(Duration(seconds=0.2))
 
 

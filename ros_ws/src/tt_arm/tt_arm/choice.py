@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from tt_core.errors import TtError, check_range
+from tt_core.failures import Failure
 from tt_core.states import RacketState
 
 from .model import ArmModel
@@ -37,7 +38,8 @@ class ChoiceParams:
 class Choice:
     """A stroke that the arm can make in time.
 
-    index: of the candidate; None when no candidate can be taken. reasons: of the others that were tried, in order.
+    index: of the candidate; None when no candidate can be taken. reasons: of the others that were tried, in order. refused: why none was
+    tried, or None.
     """
 
     index: int | None
@@ -45,6 +47,7 @@ class Choice:
     reach: Reach | None
     swing: Swing | None
     reasons: tuple[str, ...]
+    refused: Failure | None = None
 
 
 def apart(one: RacketState, other: RacketState) -> float:

@@ -26,6 +26,7 @@ NEAR = 0.08  # m, within which the racket is its rim and no ball
 AROUND = 12  # points of the rim
 CIRCLE = RIM * np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
 ALONG = 8  # parts of the forearm; the capsules seen from its points are at most 3 mm nearer
+MOST_LOOKS = 10_000  # at a path; 30 s of it in steps of 10 ms are 3,000
 BRAKING = 3  # postures looked at while the arm brakes, the last at rest
 
 
@@ -118,22 +119,24 @@ def levers(chain: Chain) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def path_clearance(
     end: float, step: float, braking: float, enough: float, knots: Array, coefficients: Array, chain: Chain
 ) -> tuple[float, int]:  # fmt: skip
     """The least clearance (m) that was looked at on a path of polynomials (see `motion`) and on braking from it, and from what, until
-    `end` (s) or until it is below `enough` (m).
+    `end` (s) or until it is below `enough` (m); -inf for a path that is too long to be looked at, or not finite.
 
     The next look is `step` (s) later, or as late as nothing can come as near as that before: the arm's points move by the joints' speeds
     at most, which change by `braking` (rad/s^2) at most.
     """
     q, qdot, qddot, least, what, lever = np.empty(7), np.empty(7), np.empty(7), np.inf, 0, levers(chain)
     time, last = 0.0, False
-    while not last:
+    for _ in range(MOST_LOOKS):
         last = time >= end
         evaluate(min(end, time), knots, coefficients, q, qdot, qddot)
         left, near = clearance(q, chain)
+        if math.isnan(left):
+            return -np.inf, near
         moves, speed = 0.0, 0.0  # m, what braking moves any point at most; m/s
         for i in range(7):
             moves += lever[i] * qdot[i] ** 2 / (2.0 * braking)
@@ -148,5 +151,7 @@ def path_clearance(
             if least < enough:
                 break
         rise = braking * lever.sum()  # m/s^2, of the speed
+        if last:
+            return least, what
         time += max(step, (math.sqrt(speed * speed + rise * max(0.0, room)) - speed) / rise)
-    return least, what
+    return (least if least < enough else -np.inf), what

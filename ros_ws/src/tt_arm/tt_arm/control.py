@@ -1,25 +1,37 @@
-"""The arm from strokes and joint states to commands, without ROS: it holds the swing, and the guard has the last word."""
+"""The arm from strokes and joint states to commands, without ROS: it holds the swing, and the guard has the last word.
+
+Two threads may share one `ArmControl`: `step`, `refuse`, `watch` and `enable` belong to the thread of the servo, `take`, which plans for
+milliseconds, to another one. A swing that was planned while the arm was stopped is dropped.
+"""
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.errors import TtError, check_range
+from tt_core.failures import Failure
 from tt_core.states import Array, RacketState
 
 from .choice import Choice, ChoiceParams, apart, choose
 from .guard import Guard, GuardParams
+from .joint_states import JointStateCheck, JointStateParams
 from .model import ArmModel
 from .reach import Reach, ReachParams, reach
 from .servo import ServoParams, follow
+from .stops import ArmStop
 from .swing import Joints, Swing, SwingLimits, plan
+
+AT_REST = 0.02  # rad/s, below which a stop is over
+AT_WAITING = 0.02  # rad, from the waiting posture, within which the first motion after enabling is over
 
 
 @dataclass(frozen=True, slots=True)
 class ControlParams:
-    """When strokes are taken."""
+    """When strokes are taken, and when a path is given up."""
 
     ahead: float = 0.010  # s, a new swing begins this long after the joint state it is planned on, room for the planning itself
     replan: bool = True  # newer strokes for the ball on its way may change the swing
@@ -27,7 +39,12 @@ class ControlParams:
     same_ball: float = 0.2  # s, strikes closer than this are for one ball; at 94 balls a minute those of two are 0.3 s apart
     hurry: float = 1.0  # s from the strike for one ball to that for the next, below which the arm hurries; see `choose`
     lost: float = 0.15  # rad off the path, at which the swing is given up
+    rejoin: float = 0.03  # rad off the path, above which the swing is given up after a gap in the joint states
     horizon: float = 3.0  # s, a strike further ahead than this is refused
+    patience: float = 0.1  # s, for which commands are cut without a pause before their path is given up
+    failures: int = 3  # paths given up within `failure_window` because the arm did not follow, which latch
+    failure_window: float = 1.0  # s
+    first_speed: float = 0.15  # share of the speed limits for the first motion after enabling
 
     def __post_init__(self) -> None:
         check_range("ahead", self.ahead, 0.0, 0.5)
@@ -35,20 +52,39 @@ class ControlParams:
         check_range("same_ball", self.same_ball, 0.0, 10.0)
         check_range("hurry", self.hurry, 0.0, 1000.0)
         check_range("lost", self.lost, 0.01, 3.0)
+        check_range("rejoin", self.rejoin, 0.0, 3.0)
         check_range("horizon", self.horizon, 0.1, 1000.0)
+        check_range("patience", self.patience, 0.0, 10.0)
+        check_range("failures", self.failures, 1, 100)
+        check_range("failure_window", self.failure_window, 0.01, 100.0)
+        check_range("first_speed", self.first_speed, 0.01, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """What one joint state leads to: the command (7,) rad/s, why it is not what the swing wants, and the swing that begins with it."""
+    """What one joint state leads to.
+
+    Attributes:
+        command: (7,) rad/s.
+        reason: Why it is not what the swing wants, or None.
+        begun: The swing that begins with it, or None.
+        interrupted: Whether a stroke was given up because of a gap; its strokes may be taken again.
+    """
 
     command: Array
-    reason: str | None = None
+    reason: Failure | None = None
     begun: Swing | None = None
+    interrupted: bool = False
 
 
 class ArmControl:
-    """Call `step` with each joint state and `take` with each set of strokes; both only use the times they are given."""
+    """Call `step` with each joint state and `take` with each set of strokes; both only use the times they are given.
+
+    Attributes:
+        enabled: Whether motion is switched on.
+        joints: The last joint state that was accepted, None before the first and after silence.
+        limits: What swings may use, at full speed.
+    """
 
     def __init__(
         self,
@@ -59,69 +95,221 @@ class ArmControl:
         guard: GuardParams | None = None,
         choosing: ChoiceParams | None = None,
         params: ControlParams | None = None,
+        states: JointStateParams | None = None,
     ) -> None:
         self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
         self.servo, self.choosing, self.params = servo or ServoParams(), choosing or ChoiceParams(), params or ControlParams()
-        self.guard = Guard(model, guard)
-        self.enabled, self._off = False, "not enabled"
-        self._stale_looks = self._late = 0
+        self.guard = Guard(model, guard, self.limits)
+        self.states = JointStateCheck(model, states)
+        self.enabled, self._off = False, Failure(ArmStop.NOT_ENABLED)
         self.joints: Joints | None = None
         self.swing: Swing | None = None
         self.coming: Swing | None = None
         self.stroke: tuple[RacketState, Reach] | None = None
+        self.held: dict[str, Failure] = {}  # why the arm must not move for now, by who says so
+        self._refusal: tuple[Failure | None, float] = None, -np.inf  # why a joint state was refused last, and when (s, monotonic)
+        self._scale = 1.0
+        self._arriving = False  # until the waiting posture is reached for the first time
+        self._cut_since: float | None = None
+        self._rest: Failure | None = None  # why the arm comes to rest before it plans anew
+        self._given_up: deque[float] = deque(maxlen=self.params.failures)  # s, when paths were, because the arm did not follow
         self._begin = -np.inf  # s, the strike before the coming one, which no newer swing may touch
         self._before = self._ball = -np.inf  # s, when the ball before this one, and this one, can be hit first
+        self._lock, self._stops = threading.Lock(), 0  # how often the swing was given up
 
-    def enable(self, on: bool, reason: str = "not enabled") -> None:
-        """Switches motion on, forgetting what latched, or off by a controlled stop for that reason."""
-        self.enabled, self._off = on, reason
+    def enable(self, on: bool, reason: Failure | None = None) -> None:
+        """Switch motion on, forgetting what latched, or off by a controlled stop for that reason."""
+        self.enabled, self._off = on, reason or Failure(ArmStop.NOT_ENABLED)
         self._forget()
         if on:
             self.guard.reset()
+            self._arriving = True
+            self._given_up.clear()
+            self._rest = None
 
-    def step(self, joints: Joints, now: float | None = None) -> Step:
-        """The command for the time of `joints`: along the swing, else towards waiting, else zero. now: s, if known, when they came."""
-        self.joints, self._stale_looks = joints, 0
-        self._late = self._late + 1 if now is not None and self.guard.late(joints.time, now) else 0
-        if not self.enabled or self.guard.latched:
+    @property
+    def speed_scale(self) -> float:
+        """Share of the speed limits that motion may use, 0.01 to 1; may be set at any time."""
+        return self._scale
+
+    @speed_scale.setter
+    def speed_scale(self, scale: float) -> None:
+        self._scale = check_range("speed_scale", scale, 0.01, 1.0)
+        self._give_up()
+
+    def hold(self, who: str, failure: Failure | None) -> None:
+        """Stop the arm for `failure` until `who` calls again with None."""
+        if failure is None:
+            self.held.pop(who, None)
+        else:
+            self.held[who] = failure
+
+    @property
+    def stopped_by(self) -> Failure | None:
+        """Return why the arm must not move at all, whatever the joint states are; None when it may."""
+        if self.guard.latched is not None:
+            return self.guard.latched
+        return next(iter(self.held.values()), None) if self.enabled else self._off
+
+    def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> Step:
+        """Return the command for the time of `joints`: along the swing, else towards waiting, else that of a stop.
+
+        Args:
+            joints: As measured.
+            now: s, monotonic, when it came; its own time if None.
+            clock: s, what the clock of the stamps showed then; None where there is no such clock.
+            has_speeds: See `JointStateCheck.accept`.
+        """
+        now = joints.time if now is None else now
+        accepted = self.states.accept(joints, now, clock, has_speeds=has_speeds)
+        if isinstance(accepted, Failure):
+            return self.refuse(now, accepted)
+        self.joints = joints = accepted
+        self.guard.look(joints)
+        stopped = self.stopped_by
+        if stopped is not None:
             self._forget()
-            return Step(self.guard.stop(joints.time), self.guard.latched or self._off)
-        if now is not None and self._late > 1:
-            self._give_up()
-            return Step(self.guard.stop(joints.time), f"joint state is {now - joints.time:.3f} s old")
-        begun = None
-        if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
-            self.swing, self.coming, begun = self.coming, None, self.coming
-        if self.swing is None or np.abs(self.swing.sample(joints.time)[0] - joints.q).max() > self.params.lost:
-            self._give_up()
-            self.swing = plan(self.model, joints, None, joints.time, self.limits)
-        wanted = follow(self.swing, joints.time, joints.q, self.model.speed_limits, self.servo)
-        planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
-        command, reason = self.guard.check(joints.time, wanted, joints.q, joints.qdot, planned)
-        return Step(command, reason, begun)
+            return Step(self.guard.stop(now, joints), stopped)
+        interrupted = self.states.gap and self._resume(joints)
+        if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
+            return Step(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
+        self._rest = None
+        if self.guard.speed_scale != self._speed:
+            self.guard.speed_scale = self._speed
+        if (np.abs(self.guard.last) > self._speed * self.model.speed_limits + 1e-9).any():
+            return Step(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
+        return self._follow(joints, now, interrupted)
+
+    def refuse(self, now: float, failure: Failure) -> Step:
+        """Return the next command of a stop, for a joint state that cannot be used. The swing may go on with the next good one."""
+        self._refusal = failure, now
+        return Step(self.guard.stop(now), self.stopped_by or failure)
+
+    def watch(self, now: float) -> Step | None:
+        """Return the next command of a stop when at `now` (s, monotonic) joint states have ceased; None while all is well."""
+        silence = self.states.silence(now) if self.states.last is not None else None
+        if silence is None:
+            return None
+        self.joints = None
+        failure, at = self._refusal
+        reason = failure if now - at < self.states.deadline else silence  # states that come but cannot be used tell more than silence
+        return Step(self.guard.stop(now), self.stopped_by or reason)
 
     def take(self, rackets: Sequence[RacketState]) -> Choice:
-        """Plans for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
-        if not self.enabled or self.guard.latched:
-            return Choice(None, None, None, None, (self.guard.latched or self._off,))
-        if self.joints is None or self.swing is None:
-            return Choice(None, None, None, None, ("no joint state in time",))
-        if rackets and min(r.time for r in rackets) > self.joints.time + self.params.horizon:
-            return Choice(None, None, None, None, (f"the strike is {rackets[0].time - self.joints.time:.2f} s ahead",))
-        current, begin = self.stroke if self.stroke is not None and self.stroke[0].time > self.joints.time else None, self._begin
+        """Plan for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
+        with self._lock:
+            stops, joints, swing, coming, begin = self._stops, self.joints, self.swing, self.coming, self._begin
+            stroke = self.stroke
+        stopped = self.stopped_by
+        if stopped is not None:
+            return _refused(stopped)
+        if joints is None or swing is None:
+            return _refused(Failure(ArmStop.NO_STATE))
+        if self._arriving and not self._arrived(joints):
+            return _refused(Failure(ArmStop.ARRIVING))
+        if rackets and min(r.time for r in rackets) > joints.time + self.params.horizon:
+            return _refused(Failure(ArmStop.FAR_AHEAD, ahead=rackets[0].time - joints.time, bound=self.params.horizon))
+        current = stroke if stroke is not None and stroke[0].time > joints.time else None
         if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
-                return Choice(None, None, None, None, ("a swing is on its way",))
+                return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
             if min(apart(current[0], r) for r in rackets) < self.params.replan_distance:
-                return Choice(None, None, None, None, ("the swing on its way will do",))
+                return _refused(Failure(ArmStop.SWING_WILL_DO))
         elif current is not None:  # another ball: what is on its way comes first
             begin, current = current[0].time, None
-        time = max(self.joints.time + self.params.ahead, begin)
-        path = self.coming if self.coming is not None and self.coming.start.time <= time else self.swing
-        choice = choose(self.model, rackets, path.joints(time), self.limits, self.reaching, self.choosing, current, self._hurries(rackets))
-        if choice.swing is not None and choice.racket is not None and choice.reach is not None:
+        time = max(joints.time + self.params.ahead, begin)
+        path = coming if coming is not None and coming.start.time <= time else swing
+        hurried = self._hurries(rackets)
+        choice = choose(self.model, rackets, path.joints(time), self._limits, self.reaching, self.choosing, current, hurried)
+        if choice.swing is None or choice.racket is None or choice.reach is None:
+            return choice
+        with self._lock:
+            if stops != self._stops:
+                return _refused(Failure(ArmStop.STOPPED_MEANWHILE))
             self.coming, self.stroke, self._begin = choice.swing, (choice.racket, choice.reach), begin
         return choice
+
+    def fail(self, error: Exception, now: float) -> Array:
+        """Latch for an error of the program itself; the next command (7,) rad/s of a stop, or zero if not even that can be computed."""
+        failure = Failure(ArmStop.INTERNAL, error=f"{type(error).__name__}: {error}")
+        self._forget()
+        try:
+            return self.guard.latch(failure, now)
+        except Exception:  # nothing here may be trusted
+            self.guard.latched = failure
+            return np.zeros(len(self.model.names))
+
+    @property
+    def _speed(self) -> float:
+        """Share of the speed limits for now."""
+        return self._scale * (self.params.first_speed if self._arriving else 1.0)
+
+    @property
+    def _limits(self) -> SwingLimits:
+        return self.limits if self._speed == 1.0 else replace(self.limits, speed_share=max(0.01, self._speed * self.limits.speed_share))
+
+    def _arrived(self, joints: Joints) -> bool:
+        """Whether the arm is at its waiting posture, which ends the first motion after enabling."""
+        if np.abs(joints.q - self.model.waiting).max() < AT_WAITING and np.abs(joints.qdot).max() < AT_REST:
+            self._arriving = False
+        return not self._arriving
+
+    def _resume(self, joints: Joints) -> bool:
+        """Go on after a gap from what is measured; whether a stroke was given up."""
+        self.guard.begin_from(joints.qdot)
+        self._cut_since = None
+        if self.swing is None or self._off_path(self.swing, joints) <= self.params.rejoin:
+            return False
+        interrupted = self.stroke is not None
+        self._give_up()
+        return interrupted
+
+    def _follow(self, joints: Joints, now: float, interrupted: bool) -> Step:
+        """The command along the swing, which begins, ends and is planned anew here."""
+        if self._arriving and self._arrived(joints):
+            self._give_up()
+        begun = None
+        with self._lock:
+            if self.coming is not None and joints.time + self.servo.lead >= self.coming.start.time:
+                self.swing, self.coming, begun = self.coming, None, self.coming
+        if self.swing is not None and self._off_path(self.swing, joints) > self.params.lost:
+            self._give_up()
+        if self.swing is None:
+            try:
+                self.swing = plan(self.model, joints, None, joints.time, self._limits)
+            except TtError as error:
+                return Step(self.guard.stop(now, joints), self._does_not_follow(joints.time, error))
+        wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
+        planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
+        command, cut = self.guard.check(joints, wanted, now, planned)
+        if cut is None:
+            self._cut_since = None
+        elif self._is_spoilt(cut, joints.time):
+            interrupted = interrupted or self.stroke is not None
+            cut = self._does_not_follow(joints.time, cut)
+        return Step(command, cut, begun, interrupted)
+
+    def _is_spoilt(self, cut: Failure, time: float) -> bool:
+        """Whether the path cannot go on: the guard stopped it, or cuts it for longer than `patience`."""
+        self._cut_since = time if self._cut_since is None else self._cut_since
+        limits = ArmStop.SPEED_CUT, ArmStop.POSITION_CUT, ArmStop.ACCELERATION_CUT
+        return cut.code not in limits or time - self._cut_since > self.params.patience
+
+    def _does_not_follow(self, time: float, last: object) -> Failure:
+        """Give up the path; when that happens again and again a person has to look."""
+        self._give_up()
+        self._cut_since = None
+        self._given_up.append(time)
+        count, window = self.params.failures, self.params.failure_window
+        failure = Failure(ArmStop.NOT_FOLLOWING, count=len(self._given_up), window=window, last=last)
+        if len(self._given_up) == count and 0.0 <= time - self._given_up[0] <= window:
+            self.guard.latched = failure
+        self._rest = last if isinstance(last, Failure) and self.guard.latched is None else failure
+        return self._rest
+
+    def _off_path(self, swing: Swing, joints: Joints) -> float:
+        """rad, the largest distance of a joint from where the swing has it."""
+        return float(np.abs(swing.sample(joints.time)[0] - joints.q).max())
 
     def _hurries(self, rackets: Sequence[RacketState]) -> bool:
         """Whether these are for a ball that comes soon after another one, be that hit or not."""
@@ -130,44 +318,22 @@ class ArmControl:
             self._before, self._ball = self._ball, ball
         return self._ball < self._before + self.params.hurry
 
-    def watch(self, time: float) -> Array | None:
-        """The next command (7,) of a stop when at `time` (s) the last joint state is stale; None while all is well.
-
-        The second look in a row counts, here and in `step`: a process that was held up itself has old mail, once. Where the arm was braked
-        its swing is given up: it goes on from where it is then, for to chase a swing that has moved on would be cut until it latches.
-        """
-        stale = self.joints is not None and self.guard.stale(self.joints.time, time)
-        self._stale_looks = self._stale_looks + 1 if stale else 0
-        if self._stale_looks < 2:
-            return None
-        self._give_up()
-        return self.guard.stop(time)
-
-    def fail(self, reason: str) -> Array:
-        """Something else broke: latches; the command (7,) is zero at once, the drives brake, for nothing here may be trusted."""
-        self._forget()
-        return self.guard.latch(reason)
-
-    def ending(self, tick: float) -> list[Array]:
-        """The commands (7,) of a stop, `tick` (s) apart, the last zero: for a process that ends."""
-        self.enable(False, "ended")
-        time = 0.0 if self.joints is None else self.joints.time
-        commands = [self.guard.stop(time + tick)]
-        while commands[-1].any():
-            commands.append(self.guard.stop(time + (len(commands) + 1) * tick))
-        return commands
-
     def _give_up(self) -> None:
-        self.swing = self.coming = self.stroke = None
-        self._begin = -np.inf
+        with self._lock:
+            self.swing = self.coming = self.stroke = None
+            self._begin, self._stops = -np.inf, self._stops + 1
 
     def _forget(self) -> None:
         self._give_up()
         self._before = self._ball = -np.inf
 
 
+def _refused(failure: Failure) -> Choice:
+    return Choice(None, None, None, None, (str(failure),), failure)
+
+
 def warm(model: ArmModel) -> None:
-    """Compiles every kernel of the arm, or loads it from the cache."""
+    """Compile every kernel of the arm, or load it from the cache."""
     control = ArmControl(model)
     control.enable(True)
     joints = Joints(0.0, model.waiting, np.zeros(7))
@@ -175,9 +341,9 @@ def warm(model: ArmModel) -> None:
     racket = RacketState(0.5, np.array([-0.15, 0.70, 0.25]), np.array([1.48, 0.095, 1.41]), -0.011, 0.792)  # Table 4.3 case 1
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
-    control.step(Joints(0.02, model.waiting, np.zeros(7)))
-    for time in (0.03, 0.04):  # what moves only
-        control.guard.check(time, np.full(7, 0.01), joints.q, joints.qdot)
+    control.step(Joints(0.002, model.waiting, np.zeros(7)))
+    for time in (0.004, 0.006):  # what moves only
+        control.guard.check(Joints(time, joints.q, joints.qdot), np.full(7, 0.01), time)
     for method in ("near", "liu"):
         reach(model, racket, model.waiting, method=method)
     for profile in ("quintic", "trapezoid", "polyline"):

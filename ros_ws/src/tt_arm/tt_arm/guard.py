@@ -1,7 +1,6 @@
 """The last word before the wire: what leaves is finite, within the limits, and able to stop before a joint's end, table, floor and arm.
 
-Knows nothing of swings. What is a little too much is cut and told; what means that something is broken, and what is cut for long, latches:
-a controlled stop, and zero until `reset`.
+Knows nothing of swings. What is a little too much is cut and told. What means damage latches: a controlled stop, and zero until `reset`.
 """
 
 from __future__ import annotations
@@ -10,135 +9,180 @@ from dataclasses import dataclass
 
 import numpy as np
 from tt_core.errors import check_range
+from tt_core.failures import Failure
 from tt_core.states import Array
 
 from .clearance import OBSTACLES, braking_clearance, clearance
 from .model import ArmModel
+from .stops import ArmStop
+from .swing import Joints, SwingLimits
+
+LONGEST_STEP = 0.05  # s, after which a command may not differ from the last one by more than it may after this
+FIRST_STEP = 0.005  # s, for which the first command of a stop brakes at most
+LEAST_SIGHTINGS = 3  # joint states in a row that must show a damage
 
 
 @dataclass(frozen=True, slots=True)
 class GuardParams:
     """What the guard lets through."""
 
-    acceleration: float = 40.0  # rad/s^2, steepest change of a command; twice what a swing uses
-    speed_share: float = 1.0  # of the speed limits, Table A.12
-    braking: float = 20.0  # rad/s^2, that a joint can surely brake with; what a swing uses
+    acceleration: float = 40.0  # rad/s^2, steepest change of a command that follows a swing; twice what a swing uses
     margin: float = 0.01  # rad, kept from the position limits
-    tolerance: float = 0.02  # rad, a joint measured further than this beyond its limit means that something is broken
+    tolerance: float = 0.02  # rad, a joint measured further than this beyond its limit means damage
     overspeed: float = 1.2  # times its speed limit, and a joint measured faster than this too
+    persistence: float = 0.010  # s, for which damage must be measured before it latches
     clearance: float = 0.005  # m, kept from table, floor and arm; less than swings keep
-    patience: float = 0.1  # s, for which commands are cut without a pause before they latch
-    stale: float = 0.05  # s without a joint state, after which the arm stops; 25 ticks of 2 ms
-    late: float = 0.2  # s, that joint states may be old when they come; a servo this far behind is blind
+    command_timeout: float = 0.1  # s without a command, after which the drive brakes by itself
     stale_plan: float = 5.0  # s, after which a plan no longer moves the arm; a swing and its way back take 2
 
     def __post_init__(self) -> None:
-        for name in ("acceleration", "braking"):
-            check_range(name, getattr(self, name), 0.1, 1000.0)
+        check_range("acceleration", self.acceleration, 0.1, 1000.0)
         for name in ("margin", "tolerance", "clearance"):
             check_range(name, getattr(self, name), 0.0, 0.5)
-        check_range("speed_share", self.speed_share, 0.0, 1.0)
         check_range("overspeed", self.overspeed, 1.0, 100.0)
-        check_range("patience", self.patience, 0.0, 10.0)
-        check_range("stale", self.stale, 1e-3, 10.0)
-        check_range("late", self.late, 1e-3, 10.0)
+        check_range("persistence", self.persistence, 0.0, 1.0)
+        check_range("command_timeout", self.command_timeout, 0.0, 10.0)
         check_range("stale_plan", self.stale_plan, 1e-2, 1000.0)
 
 
 class Guard:
-    """`latched`: None, or why only zero leaves until `reset`."""
+    """Cut commands to what is safe.
 
-    def __init__(self, model: ArmModel, params: GuardParams | None = None) -> None:
+    Attributes:
+        latched: None, or why only a stop leaves until `reset`.
+        speed_scale: Share of the speed limits that commands may use.
+    """
+
+    def __init__(self, model: ArmModel, params: GuardParams | None = None, limits: SwingLimits | None = None) -> None:
+        """Guard `model`. The braking limit is `limits.acceleration`, the one that swings keep and clearance is computed with."""
         self._model, self._params = model, params or GuardParams()
-        self.latched: str | None = None
-        self._time: float | None = None
-        self._cut_since: float | None = None
+        self.braking = (limits or SwingLimits()).acceleration
+        self.latched: Failure | None = None
+        self.speed_scale = 1.0
+        self._last = np.zeros(len(model.names))
+        self._now: float | None = None  # s, monotonic, when the last command left
         self.reset()
 
-    def check(
-        self, time: float, command: Array, q: Array, qdot: Array | None = None, planned: float | None = None
-    ) -> tuple[Array, str | None]:
-        """The command (7,) rad/s that may leave at `time` (s), and why it is another one, if it is.
+    def reset(self) -> None:
+        """Let commands through again, from the last one on."""
+        self.latched = None
+        self._time: float | None = None  # s, of the joint state that the last command answered
+        self._stopping = False  # whether the last command was one of a stop
+        self._damaged, self._damaged_since = 0, 0.0
 
-        q: (7,) rad, and qdot: (7,) rad/s, if known: measured. planned: s, when the plan was made that the command follows.
+    @property
+    def last(self) -> Array:
+        """Return the last command (7,) rad/s."""
+        return self._last
+
+    def begin_from(self, qdot: Array) -> None:
+        """Take the measured speeds qdot (7,) rad/s for the last command, after a time in which the arm did not follow commands."""
+        speed = self._model.speed_limits
+        self._last, self._time = np.clip(qdot, -speed, speed), None
+
+    def look(self, joints: Joints) -> None:
+        """Latch when the joint state shows damage, for `persistence` s without a pause."""
+        failure = self._damage(joints)
+        if failure is None:
+            self._damaged = 0
+            return
+        self._damaged_since = self._damaged_since if self._damaged else joints.time
+        self._damaged += 1
+        if self._damaged >= LEAST_SIGHTINGS and joints.time - self._damaged_since >= self._params.persistence:
+            self.latched = self.latched or failure
+
+    def check(self, joints: Joints, command: Array, now: float, planned: float | None = None) -> tuple[Array, Failure | None]:
+        """Return the command (7,) rad/s that may leave, and why it is another one, if it is.
+
+        Args:
+            joints: As measured, accepted by `JointStateCheck`.
+            command: (7,) rad/s, as wanted.
+            now: s, monotonic.
+            planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
         """
-        command, q = np.asarray(command, dtype=float), np.asarray(q, dtype=float)
-        qdot = np.zeros(7) if qdot is None else np.asarray(qdot, dtype=float)
-        self.latched = self.latched or self._broken(
-            time, command, q, np.zeros(7) if qdot is None else np.asarray(qdot, dtype=float), planned
-        )
+        command, params, q = np.asarray(command, dtype=float), self._params, joints.q
         if self.latched is not None:
-            return self.stop(time), self.latched
-        params, (low, high) = self._params, self._model.position_limits.T
-        speed = params.speed_share * self._model.speed_limits
-        up = np.sqrt(2.0 * params.braking * np.maximum(0.0, high - params.margin - q))
-        down = np.sqrt(2.0 * params.braking * np.maximum(0.0, q - low - params.margin))
+            return self.stop(now, joints), self.latched
+        if command.shape != q.shape or not np.isfinite(command).all():
+            return self.stop(now, joints), Failure(ArmStop.BROKEN_COMMAND, count=len(q), command=command)
+        if planned is not None and joints.time - planned > params.stale_plan and command.any():
+            return self.stop(now, joints), Failure(ArmStop.OLD_PLAN, age=joints.time - planned, bound=params.stale_plan)
+        speed = self.speed_scale * self._model.speed_limits
+        down, up = self._room(q)
         slow = np.clip(command, -speed, speed)
         cut = np.clip(slow, -down, up)
-        begins, step = self._time is None, self._step(time)
-        allowed = np.clip(self._towards(cut, step), np.maximum(-down, -speed), np.minimum(up, speed))  # room to brake before smoothness
-        self.latched = self._collides(q, allowed) if allowed.any() else None
-        self._last = allowed if self.latched is None else self._towards(np.zeros(7), step)
-        if self.latched is not None:
-            return self._last, self.latched
+        begins, step = self._time is None, self._step(joints.time, now)
+        # room to brake comes before smoothness
+        allowed = np.clip(self._towards(cut, step), np.maximum(-down, -speed), np.minimum(up, speed))
+        near = self._near(q, allowed) if allowed.any() else None
+        if near is not None:
+            return self.stop(now, joints), near
+        self._last, self._now, self._stopping = allowed, now, False
         wrong = np.abs(allowed - command) > 1e-9
-        if begins or not wrong.any():  # the first is zero, since how long the arm has had for another is not known
-            self._cut_since = None
+        if begins or not wrong.any():  # how long the arm has had for the first command is not known
             return allowed, None
-        kind = "speed" if (slow != command).any() else "position" if (cut != command).any() else "acceleration"
-        reason = f"{kind} limit: {', '.join(name for name, bad in zip(self._model.names, wrong, strict=True) if bad)}"
-        self._cut_since = time if self._cut_since is None else self._cut_since
-        if time - self._cut_since > params.patience:
-            self.latched = reason = f"{reason}, for {time - self._cut_since:.3f} s"
-        return allowed, reason
+        code = (
+            ArmStop.SPEED_CUT if (slow != command).any() else ArmStop.POSITION_CUT if (cut != command).any() else ArmStop.ACCELERATION_CUT
+        )
+        return allowed, Failure(code, joints=", ".join(name for name, bad in zip(self._model.names, wrong, strict=True) if bad))
 
-    def stop(self, time: float) -> Array:
-        """The next command (7,) of a controlled stop, zero at the end."""
-        self._last = self._towards(np.zeros(7), self._step(time))
+    def stop(self, now: float, joints: Joints | None = None) -> Array:
+        """Return the next command (7,) rad/s of a controlled stop, zero at the end.
+
+        Args:
+            now: s, monotonic.
+            joints: As measured, where that is known: then no joint comes nearer to its limit than it can brake, whatever its lag.
+
+        Where no command has left for long, the drive still holds the last one until its own timeout, and brakes by itself from then on.
+        The stop begins from that speed.
+        """
+        passed = 0.0 if self._now is None else max(now - self._now, 0.0)
+        if not self._stopping:
+            passed = max(min(passed, FIRST_STEP), passed - self._params.command_timeout)
+        self._last, self._now, self._stopping = self._towards(np.zeros(len(self._last)), self.braking * passed), now, True
+        if joints is not None:
+            down, up = self._room(joints.q)
+            self._last = np.clip(self._last, -down, up)
         return self._last
 
-    def latch(self, reason: str) -> Array:
-        """Zero (7,) from now on."""
-        self.latched, self._last = reason, np.zeros(7)
-        return self._last
+    def latch(self, failure: Failure, now: float) -> Array:
+        """Stop, and go on stopping until `reset`; the next command (7,) rad/s."""
+        self.latched = self.latched or failure
+        return self.stop(now)
 
-    def stale(self, then: float, now: float) -> bool:
-        """Whether a joint state of `then` (s) is too old `now`."""
-        return now - then > self._params.stale
+    def _damage(self, joints: Joints) -> Failure | None:
+        params, names, (low, high) = self._params, self._model.names, self._model.position_limits.T
+        outside, share = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
+        i, k = int(outside.argmax()), int(share.argmax())
+        if outside[i] > params.tolerance:
+            return Failure(ArmStop.BEYOND_LIMIT, joint=names[i], value=float(outside[i]), bound=params.tolerance)
+        if share[k] > params.overspeed:
+            return Failure(ArmStop.OVERSPEED, joint=names[k], value=float(share[k]), bound=params.overspeed)
+        left, what = clearance(joints.q, self._model.chain)
+        return Failure(ArmStop.CONTACT, obstacle=OBSTACLES[what]) if left <= 0.0 else None
 
-    def late(self, then: float, now: float) -> bool:
-        """Whether a joint state of `then` (s) comes too late `now`."""
-        return now - then > self._params.late
-
-    def reset(self) -> None:
-        """Lets commands through again, from zero."""
-        self.latched, self._last, self._time, self._cut_since = None, np.zeros(7), None, None
-
-    def _broken(self, time: float, command: Array, q: Array, qdot: Array, planned: float | None) -> str | None:
-        if not command.shape == q.shape == qdot.shape == (7,):
-            return f"7 joints expected, got a command of shape {command.shape} for joints of shapes {q.shape} and {qdot.shape}"
-        if not (np.isfinite(command).all() and np.isfinite(q).all() and np.isfinite(qdot).all()):
-            return f"not finite: command {command} at q = {q}, qdot = {qdot}"
-        low, high = self._model.position_limits.T
-        outside, speed = np.maximum(low - q, q - high), np.abs(qdot) / self._model.speed_limits
-        if outside.max() > self._params.tolerance:
-            return f"joint {self._model.names[int(outside.argmax())]} is {outside.max():.3f} rad beyond its limit"
-        if speed.max() > self._params.overspeed:
-            return f"joint {self._model.names[int(speed.argmax())]} moves at {speed.max():.2f} times its speed limit"
-        if planned is not None and time - planned > self._params.stale_plan and command.any():
-            return f"the plan is {time - planned:.2f} s old"
-        return None
-
-    def _collides(self, q: Array, command: Array) -> str | None:
-        """Whether braking from `command` ends too near to something, and not further from it than now."""
-        left, what = braking_clearance(q, command, self._params.braking, self._model.chain)
-        if left >= self._params.clearance or left > clearance(q, self._model.chain)[0]:
+    def _near(self, q: Array, command: Array) -> Failure | None:
+        """Braking from `command` would end too near to something, and not further from it than now."""
+        left, what = braking_clearance(q, command, self.braking, self._model.chain)
+        bound = self._params.clearance
+        if left >= bound or left > clearance(q, self._model.chain)[0]:
             return None
-        return f"braking would end {max(0.0, 1e3 * left):.0f} mm from {OBSTACLES[what]}"
+        return Failure(ArmStop.NEAR, left=max(0.0, 1e3 * left), obstacle=OBSTACLES[what], bound=1e3 * bound)
 
-    def _step(self, time: float) -> float:
-        """rad/s, by which a command may differ from the last one."""
-        passed = 0.0 if self._time is None else min(max(time - self._time, 0.0), self._params.stale)
+    def _room(self, q: Array) -> tuple[Array, Array]:
+        """rad/s (7,) down and up, from which each joint can brake before its limit."""
+        low, high = self._model.position_limits.T + self._params.margin * np.array([[1.0], [-1.0]])
+        return np.sqrt(2.0 * self.braking * np.maximum(0.0, q - low)), np.sqrt(2.0 * self.braking * np.maximum(0.0, high - q))
+
+    def _step(self, time: float, now: float) -> float:
+        """rad/s, by which a command may differ from the last one.
+
+        Joint states come irregularly, so their stamps tell the time between two commands.
+        After a stop only the time since its last command counts.
+        """
+        passed = 0.0 if self._time is None else min(max(time - self._time, 0.0), LONGEST_STEP)
+        if self._stopping and self._now is not None:
+            passed = min(passed, max(now - self._now, 0.0))
         self._time = time
         return self._params.acceleration * passed
 

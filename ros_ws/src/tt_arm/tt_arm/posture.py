@@ -24,6 +24,7 @@ SCATTERED = 173  # the grid is walked in such strides, to meet a good posture ea
 STARTS = 2  # postures of the grid that are refined
 CLOSE = 3.0  # cost above the best of the grid, up to which a posture may still be refined to a better one
 STEEP = 8.0  # per rad of the step: a start that costs more than this above the best is given up
+MOST_STEPS = 1000  # of one descent, which takes about 30
 STEP_LEAST = 0.01  # rad, where the refinement ends
 ONES = np.ones(7)
 WAYS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
@@ -211,7 +212,7 @@ def _posture(
     return best
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def search(
     position: Array, rotation: Array, velocity: Array, seed: Array, limits: Array, weights: Array, grid: int, chain: Chain
 ) -> tuple[float, Array, Array]:
@@ -242,7 +243,9 @@ def search(
         for di in range(-1, 2):
             for dj in range(-1, 2):
                 costs[(i + di) % grid, (j + dj) % grid] = math.inf
-        while size > STEP_LEAST:
+        for _ in range(MOST_STEPS):
+            if size <= STEP_LEAST:
+                break
             moved = False
             for du, dv in WAYS:
                 u, v = turn + du * size, swivel + dv * size

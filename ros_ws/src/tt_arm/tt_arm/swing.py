@@ -123,7 +123,7 @@ class Swing:
         return times, np.array([q for q, _ in rows]), np.array([v for _, v in rows])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _holds(
     time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float, kind: int
 ) -> bool:
@@ -139,7 +139,7 @@ def _holds(
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _longer(
     time: float, q0: Array, v0: Array, a0: Array, q1: Array, v1: Array, speed: Array, acceleration: float, jerk: float, kind: int
 ) -> float:
@@ -151,7 +151,7 @@ def _longer(
         return time
     while not _holds(time + STEP, q0, v0, a0, q1, v1, speed, acceleration, jerk, kind):
         time += STEP
-        if time > LONGEST:
+        if not time <= LONGEST:  # also where it is NaN
             return np.inf
     low, high = time, time + STEP
     for _ in range(20):
@@ -190,7 +190,7 @@ def _rest(begin: float, q: Array, knots: Array, coefficients: Array, pieces: npt
         pieces[i] += 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def extremes(end: float, knots: Array, coefficients: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Lowest and highest q, highest |qdot|, |qddot| and jerk (7,) each, every STEP until `end`; a step of acceleration is a high jerk."""
     low, high, speed, acceleration, jerk = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7), np.zeros(7)

@@ -66,7 +66,7 @@ def torques(q: Array, qdot: Array, qddot: Array, bodies: Array, torque: Array, w
         moment = _sum(moment, _cross((0.0, 0.0, bodies[i, 0]), force))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def most_torques(end: float, step: float, knots: Array, coefficients: Array, bodies: Array) -> Array:
     """(7,) N m, the largest each way, see `torque_shares`."""
     q, qdot, qddot, torque, most, wrenches = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.zeros(7), np.empty((7, 6))

@@ -1,7 +1,8 @@
 """Starts the processes of a launch file and keeps them together.
 
-The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `node` and `executable` with the keys
-below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG) and $(dirname). https://github.com/ros2/launch
+The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `set_env`, `node` and `executable` with
+the keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname) and $(not-equals A B), whose
+operands may be quoted or substitutions themselves. https://github.com/ros2/launch
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +35,12 @@ STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal
 _SHARED = {"name", "if", "unless", "on_exit", "output"}
 _KEYS = {
     "arg": {"name", "default", "description"},
+    "set_env": {"name", "value", "if", "unless"},
     "node": _SHARED | {"pkg", "exec", "namespace", "param", "remap", "args"},
     "executable": _SHARED | {"cmd"},
 }
-_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?: +[^\s()]+)*)\)")
+_OPERAND = re.compile(r"'[^']*'|\$\([\w-]+(?: +[^\s()]+)*\)|[^\s()']+")
+_SUBSTITUTION = re.compile(rf"\$\(([\w-]+)((?: +(?:{_OPERAND.pattern}))*)\)")
 
 
 class LaunchError(TtError):
@@ -55,11 +58,12 @@ class Argument:
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What to start. required: its end is the end of all."""
+    """What to start. required: its end is the end of all. environment: variables that it has beside ours."""
 
     name: str
     command: tuple[str, ...]
     required: bool = False
+    environment: Mapping[str, str] = field(default_factory=dict)
 
 
 def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -85,7 +89,7 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
     """`text` with its substitutions replaced by their values, each passed through `quote`. Raises LaunchError."""
 
     def value(match: re.Match[str]) -> str:
-        word, given = match[1], match[2].split()
+        word, given = match[1], _OPERAND.findall(match[2])
         if word == "var" and len(given) == 1 and given[0] in values:
             return quote(values[given[0]])
         if word == "env" and len(given) in (1, 2) and (found := os.environ.get(*given)) is not None:
@@ -94,10 +98,13 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
             return quote(str(packages.share(given[0])))
         if word == "dirname":
             return quote(str(folder))
+        if word == "not-equals" and len(given) == 2:
+            left, right = (o.strip("'") if o.startswith("'") else substitute(o, values, folder) for o in given)
+            return "true" if left != right else "false"
         raise LaunchError(f"{match[0]} has no value here")
 
-    if text.count("$(") != len(_SUBSTITUTION.findall(text)):
-        raise LaunchError(f"{text!r} holds a substitution that is nested or not closed")
+    if "$(" in _SUBSTITUTION.sub("", text):
+        raise LaunchError(f"{text!r} holds a substitution that is not closed")
     return _SUBSTITUTION.sub(value, text)
 
 
@@ -146,9 +153,12 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
                 raise LaunchError(f"parameter {param['name']} of {keys['exec']} is empty; it needs type: str")
             yield from ("-p", f"{fill(param['name'])}:={value}")
 
-    found = []
+    found, environment = [], dict[str, str]()
     for kind, keys in read(path):
         if kind == "arg" or not holds(keys.get("if", "true")) or holds(keys.get("unless", "false")):
+            continue
+        if kind == "set_env":
+            environment = {**environment, fill(keys["name"]): fill(keys["value"])}
             continue
         if keys.get("on_exit", "shutdown") != "shutdown":
             raise LaunchError(f"{path.name}: on_exit can only be shutdown, got {keys['on_exit']!r}")
@@ -159,7 +169,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
         else:
             command = words(keys["cmd"])
         name = fill(keys["name"]) if "name" in keys else Path(command[0]).name
-        found.append(Process(name, tuple(command), required="on_exit" in keys))
+        found.append(Process(name, tuple(command), "on_exit" in keys, environment))
     return found
 
 
@@ -180,7 +190,7 @@ class System:
     def _start(self, process: Process) -> None:
         if shutil.which(process.command[0]) is None:
             raise LaunchError(f"{process.name} does not start: there is no program {process.command[0]}")
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1", **process.environment}
         pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
         command = (*GUARD, *process.command)
         child = subprocess.Popen(command, env=environment, start_new_session=True, text=True, errors="replace", **pipes)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """time: ns, of the recording. topic: None for a clock tick."""
+    """time: ns, of the recording. topic: its name and type, None for a clock tick."""
 
     time: int
-    topic: str | None = None
+    topic: tuple[str, str] | None = None
     data: bytes = b""
 
 
@@ -28,13 +28,16 @@ def with_clock(messages: Iterable[Step], start: int, stop: int, period: int) -> 
 
 
 def pace(steps: Iterable[Step], start: int, rate: float, now: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[Step]:
-    """Each of `steps` when it is due; what is late is not dropped, and delays do not add up.
+    """Give each of `steps` when it is due; what is late is not dropped, and delays do not add up.
 
-    start: ns, the time of the recording that is now. rate: recorded seconds in a second. now: s. sleep: takes s.
+    Args:
+        steps: In the order of time.
+        start: ns, the time of the recording that is now.
+        rate: Recorded seconds in a second.
+        now: Gives s.
+        sleep: Takes s; called before every step, with 0 for one that is late.
     """
     origin = now()
     for step in steps:
-        left = origin + (step.time - start) * 1e-9 / rate - now()
-        if left > 0.0:
-            sleep(left)
+        sleep(max(0.0, origin + (step.time - start) * 1e-9 / rate - now()))
         yield step

@@ -1,50 +1,39 @@
-"""Recordings: rosbag2 directories of one MCAP file, written by a thread of their own."""
+"""Recordings, written by a thread of their own, so that the disk holds nobody up."""
 
 from __future__ import annotations
 
-import itertools
 import queue
-import shutil
-import struct
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+import time
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import breakup_chunk
-from mcap.writer import MCAP0_MAGIC as MAGIC
-from rich.table import Table
-from rosbags.interfaces import Connection, Qos
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
-from rosbags.rosbag2.errors import ReaderError, WriterError
-from rosbags.rosbag2.metadata import parse_qos
-from rosbags.typesys import Stores, get_typestore
-from tt_core.errors import TtError
+from rosbags.interfaces import Qos
+from tt_core.ros.bags import TYPES, BagError
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
+from .bagfile import RESERVE, BagFile, Summary
+
+QUEUE = 256 * 2**20  # bytes of messages that may wait for the disk: 2.6 s of two cameras at 900 Hz
+OVERHEAD = 300  # bytes of memory for a queued message beside its data
+SLOW = 0.5  # s that the disk may take for one message
+RETRY = 0.25  # s between two looks whether a full disk has room again
+PATIENCE, GRACE = 4.0, 2.0  # s at the end: for what is queued, and then for the file to be closed
 
 
-class BagError(TtError):
-    """A directory that cannot be written or is no bag."""
+class State(NamedTuple):
+    """How a recording goes.
 
+    trouble: What is wrong with the disk, "" if nothing. queued: bytes that wait. free: bytes of the disk at the last look.
+    dropped: Messages not written, by topic. missed: messages that never arrived, by topic.
+    """
 
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """What was recorded. counts: messages by topic. duration: s."""
-
-    directory: Path
-    counts: dict[str, int]
-    duration: float
-
-    def __str__(self) -> str:
-        size = sum(path.stat().st_size for path in self.directory.glob("*.mcap"))
-        messages = f"{sum(self.counts.values())} messages on {len(self.counts)} topics"
-        return f"{self.directory}: {messages} in {self.duration:.1f} s, {size / 1e6:.1f} MB"
+    trouble: str
+    queued: int
+    free: int
+    dropped: dict[str, int]
+    missed: dict[str, int]
 
 
 class _Topic(NamedTuple):
@@ -60,131 +49,140 @@ class _Sample(NamedTuple):
 
 
 class Recording:
-    """A new bag; its methods may be called from any thread and never wait for the disk.
+    """A new bag.
 
-    Chunks of 1 MB go to the file as they fill, so that a crash costs no more than the last of them.
-    Raises BagError if `directory` exists or cannot be made.
+    `add` never waits for the disk. Messages wait in a queue. What does not fit into the queue or on the disk is dropped and counted.
+    When there is room again the recording goes on. Chunks of 1 MB go to the file as they fill, so that a crash costs no more than
+    the last of them.
     """
 
-    def __init__(self, directory: Path) -> None:
-        self.directory = Path(directory)
-        self._counts: dict[str, int] = {}
-        self._first, self._last = 0, 0
+    def __init__(self, directory: Path, *, queue_bytes: int = QUEUE, reserve_bytes: int = RESERVE) -> None:
+        """Make the directory, open the file and start the thread.
+
+        Args:
+            directory: The bag, which must not exist.
+            queue_bytes: Bytes of messages that may wait for the disk.
+            reserve_bytes: Bytes of the disk that are to stay free.
+
+        Raises:
+            BagError: If `directory` exists, cannot be made or has no room.
+        """
+        self._bag = BagFile(directory, reserve_bytes)
         self._queue: queue.SimpleQueue[_Topic | _Sample | None] = queue.SimpleQueue()
-        self._failure: Exception | None = None
-        try:
-            self._writer = Writer(self.directory, version=9, storage_plugin=StoragePlugin.MCAP)
-            self._writer.open()
-        except (WriterError, OSError) as error:
-            raise BagError(f"cannot record to {directory}: {error}") from error
-        self._thread = threading.Thread(target=self._write, name="bag writer", daemon=True)
+        self._lock = threading.Lock()  # of `_queued` and `_dropped`
+        self._largest, self._queued, self._dropped = queue_bytes, 0, Counter[str]()
+        self._missed: dict[str, int] = {}
+        self._full = self._broken = ""  # why
+        self._retry = 0.0  # s, when to look for room again
+        self._since: float | None = None  # s, when the writer began what it is doing
+        self._slow_until = 0.0  # s
+        self._over = False  # what still waits is dropped
+        self._summary: Summary | None = None
+        self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
     def add_topic(self, name: str, kind: str, offered: Sequence[Qos]) -> None:
-        """kind: e.g. "sensor_msgs/msg/Image". offered: of each publisher. Raises BagError for a type that is not ROS 2 Jazzy's."""
+        """Begin a topic.
+
+        Args:
+            name: Name of the topic, which must be new.
+            kind: Type, e.g. "sensor_msgs/msg/Image".
+            offered: Quality of service of each publisher.
+
+        Raises:
+            BagError: If the type is not one of ROS 2 Jazzy.
+        """
         if kind not in TYPES.types:
             raise BagError(f"{name} has the unknown type {kind}")
         self._queue.put(_Topic(name, kind, offered))
 
     def add(self, topic: str, time: int, data: bytes) -> None:
-        """time: ns, when it was received. data: CDR."""
-        self._queue.put(_Sample(topic, time, data))
+        """Record a message, or drop and count it.
+
+        Args:
+            topic: A topic that was begun.
+            time: ns, when the message was received.
+            data: CDR.
+        """
+        size = len(data) + OVERHEAD
+        with self._lock:
+            fits = self._queued + size <= self._largest
+            if fits:
+                self._queued += size
+            else:
+                self._dropped[topic] += 1
+        if fits:
+            self._queue.put(_Sample(topic, time, data))
+
+    def count_missed(self, topic: str, total: int) -> None:
+        """Note how many messages of `topic` the middleware has lost so far."""
+        self._missed[topic] = total
+
+    def state(self) -> State:
+        """Tell how it goes, without waiting for the disk."""
+        with self._lock:
+            queued, dropped = self._queued, dict(+self._dropped)
+        now, since = time.monotonic(), self._since
+        slow = (since is not None and now - since > SLOW) or now < self._slow_until or queued > self._largest / 2
+        trouble = self._broken or self._full or ("the disk is slow" if slow else "")
+        return State(trouble, queued, self._bag.free, dropped, dict(self._missed))
 
     def close(self) -> Summary:
-        """Writes what is queued, the index and the metadata. Raises BagError if anything could not be written."""
+        """Write what is queued, the index and the metadata.
+
+        What the disk does not take within PATIENCE is dropped and counted.
+
+        Returns:
+            What was recorded and what was not.
+
+        Raises:
+            BagError: If the bag could not be closed, so that it has no index.
+        """
         self._queue.put(None)
-        self._thread.join()
-        if self._failure is not None:
-            raise BagError(f"{self.directory} is cut short: {self._failure}") from self._failure
-        return Summary(self.directory, self._counts, (self._last - self._first) * 1e-9)
+        self._thread.join(PATIENCE)
+        self._over = True
+        self._thread.join(GRACE)
+        if self._summary is None:
+            reason = self._broken or f"the disk has not answered for {PATIENCE + GRACE:g} s"
+            bag = self._bag.directory
+            raise BagError(f"{bag} has no index ({reason}); ros2 bag reindex {bag} saves what was written")
+        return self._summary
 
-    def _write(self) -> None:
-        connections: dict[str, Connection] = {}
+    def _run(self) -> None:
+        """The life of the writer thread."""
+        while (item := self._queue.get()) is not None:
+            self._since = time.monotonic()
+            if isinstance(item, _Topic):
+                self._bag.add_topic(*item)
+            else:
+                written = self._write(item)
+                with self._lock:
+                    self._queued -= len(item.data) + OVERHEAD
+                    self._dropped[item.topic] += not written
+            now = time.monotonic()
+            if now - self._since > SLOW:
+                self._slow_until = now + 2 * SLOW
+            self._since = None
         try:
-            while (item := self._queue.get()) is not None:
-                if isinstance(item, _Topic):
-                    made = self._writer.add_connection(item.name, item.kind, typestore=TYPES, offered_qos_profiles=item.offered)
-                    connections[item.name], self._counts[item.name] = made, 0
-                    continue
-                self._writer.write(connections[item.topic], item.time, item.data)
-                self._counts[item.topic] += 1
-                self._first, self._last = min(self._first or item.time, item.time), max(self._last, item.time)
-            self._writer.close()
-        except (OSError, WriterError) as error:
-            self._failure = error
-            with suppress(OSError):
-                self._writer.abort()
+            if not self._broken:
+                self._summary = self._bag.close(+self._dropped, self._missed)
+        except OSError as error:
+            self._broken = f"the disk failed: {error}"
+        if self._broken:
+            self._bag.abort()
 
-
-def open_bag(directory: Path) -> Reader:
-    """An opened reader, to be closed by the caller (`with contextlib.closing(...)`). Raises BagError."""
-    try:
-        reader = Reader(directory)
-        reader.open()
-    except (ReaderError, OSError) as error:
-        raise BagError(f"{directory} is no whole bag ({error}); if its recorder was killed: ros2 bag reindex {directory}") from error
-    return reader
-
-
-def describe(directory: Path) -> Table:
-    """What a bag holds, for people."""
-    reader = open_bag(directory)
-    table = Table("topic", "type", "messages", "Hz", box=None)
-    seconds = reader.duration * 1e-9
-    for connection in sorted(reader.connections, key=lambda c: c.topic):
-        hertz = f"{connection.msgcount / seconds:.1f}" if seconds > 0.0 else ""
-        table.add_row(connection.topic, connection.msgtype, str(connection.msgcount), hertz)
-    counts = {connection.topic: connection.msgcount for connection in reader.connections}
-    table.title, table.title_justify = str(Summary(Path(directory), counts, seconds)), "left"
-    reader.close()
-    return table
-
-
-def reindex(directory: Path) -> Summary:
-    """Rewrites a bag whose recorder was killed, up to the last whole chunk. Raises BagError if there is nothing to save."""
-    directory = Path(directory)
-    files = sorted(directory.glob("*.mcap"))
-    if not files:
-        raise BagError(f"{directory} holds no MCAP file")
-    work = directory / ".reindex"
-    shutil.rmtree(work, ignore_errors=True)
-    recording = Recording(work / directory.absolute().name)
-    try:
-        for file in files:
-            _copy(file, recording)
-    finally:
-        summary = recording.close()
-    if not any(summary.counts.values()):
-        shutil.rmtree(work)
-        raise BagError(f"{directory} holds no whole chunk")
-    for file in files:
-        file.unlink()
-    for file in recording.directory.iterdir():
-        file.replace(directory / file.name)
-    shutil.rmtree(work)
-    return Summary(directory, summary.counts, summary.duration)
-
-
-def _whole_chunks(file: Path) -> Iterator[Chunk]:
-    """The chunks that are whole, in the order of the file (https://mcap.dev/spec: opcode, length, content)."""
-    size, position = file.stat().st_size, len(MAGIC)
-    with file.open("rb") as stream:
-        while position + 9 <= size:
-            stream.seek(position)
-            opcode, length = struct.unpack("<BQ", stream.read(9))
-            position += 9 + length
-            if opcode == Opcode.CHUNK and position <= size:
-                yield Chunk.read(ReadDataStream(stream))
-
-
-def _copy(file: Path, recording: Recording) -> None:
-    schemas: dict[int, Schema] = {}
-    topics: dict[int, str] = {}
-    for record in itertools.chain.from_iterable(map(breakup_chunk, _whole_chunks(file))):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel) and record.id not in topics:
-            topics[record.id], offered = record.topic, parse_qos(record.metadata.get("offered_qos_profiles", ""))
-            recording.add_topic(record.topic, schemas[record.schema_id].name, offered)
-        elif isinstance(record, Message):
-            recording.add(topics[record.channel_id], record.log_time, record.data)
+    def _write(self, sample: _Sample) -> bool:
+        """Write one message; False if it is dropped."""
+        if self._broken or self._over or (self._full and time.monotonic() < self._retry):
+            return False
+        try:
+            self._bag.make_room(len(sample.data))
+        except OSError as error:
+            self._full, self._retry = f"the disk is full: {error.strerror}", time.monotonic() + RETRY
+            return False
+        self._full = ""
+        try:
+            self._bag.write(*sample)
+        except OSError as error:
+            self._broken = f"the disk failed: {error}"
+        return not self._broken

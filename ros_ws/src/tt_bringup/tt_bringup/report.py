@@ -13,8 +13,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.colors import qualitative
 from plotly.subplots import make_subplots
-from rosbags.highlevel import AnyReader
 from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.errors import TtError
+from tt_core.ros.bags import Bag
 
 from .score import Score
 
@@ -31,12 +32,12 @@ def _xyz(v: Any) -> list[float]:
     return [v.x, v.y, v.z]
 
 
-def read(bag: Path) -> dict[str, list[Any]]:
-    """Messages by topic, those that the page shows. Raises what rosbags raises for a directory that is no bag."""
+def read(path: Path) -> dict[str, list[Any]]:
+    """Messages by topic, those that the page shows. Raises BagError."""
     found = defaultdict(list)
-    with AnyReader([bag]) as reader:
-        for connection, _, raw in reader.messages([c for c in reader.connections if c.topic in TOPICS]):
-            found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    with Bag(path) as bag:
+        for message in bag.messages(TOPICS):
+            found[message.topic].append(bag.decode(message))
     return found
 
 
@@ -147,7 +148,10 @@ def main() -> None:
         raise SystemExit(__doc__)
     bag = Path(sys.argv[1])
     out = Path(sys.argv[2]) if len(sys.argv) == 3 else bag.parent / "report.html"
-    out.write_text(page(bag))
+    try:
+        out.write_text(page(bag))
+    except (TtError, OSError) as error:
+        raise SystemExit(f"report: {error}") from error
     print(out)
 
 

@@ -56,29 +56,28 @@ def record(args: argparse.Namespace) -> None:
     output = args.output or datetime.now().strftime("rosbag2_%Y_%m_%d-%H_%M_%S")
     wanted = {"output": output, "topics": topics, "exclude": args.exclude_regex}
     parameters = [word for name, value in wanted.items() if value for word in ("-p", f"{name}:={json.dumps(value)}")]
-    command = [sys.executable, "-m", "tt_bringup.record_node", "--ros-args", *parameters]
-    os.execv(sys.executable, command)
+    program = packages.executable("tt_bringup", "record_node")
+    os.execv(program, [str(program), "--ros-args", *parameters])
 
 
 def play(args: argparse.Namespace) -> None:
-    from .play_node import play
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the player takes its signals there is nothing to close
+    from .play_node import PlayParams, play
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
-    count = play(args.bag, topics=args.topics, rate=args.rate, clock=args.clock, delay=args.delay, remap=dict(args.remap))
-    print(f"played {count} messages")
+    params = PlayParams(str(args.bag), args.rate, args.clock or 0.0, args.topics, args.delay)
+    print(f"played {play(params, dict(args.remap))} messages")
 
 
 def info(args: argparse.Namespace) -> None:
     from rich.console import Console
 
-    from .record import describe
+    from .reindex import describe
 
     Console(width=None if sys.stdout.isatty() else 160).print(describe(args.bag))
 
 
 def reindex(args: argparse.Namespace) -> None:
-    from .record import reindex
+    from .reindex import reindex
 
     print(reindex(args.bag))
 

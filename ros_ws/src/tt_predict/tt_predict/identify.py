@@ -198,7 +198,7 @@ def write_parameters(found: Identified, base: str, path: Path) -> None:
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="identify", description="Fit coefficients of air and table to recorded flights.")
-    parser.add_argument("source", type=Path, help="a bag (folder or *.mcap), or a folder of *.hdf5 of the aimy launcher")
+    parser.add_argument("source", type=Path, help="a bag (a folder, *.mcap, *.db3 or *.bag), or a folder of *.hdf5 of the aimy launcher")
     parser.add_argument("--topic", default="/ball/state", help="nav_msgs/Odometry of the ball in a bag (default %(default)s)")
     parser.add_argument("--physics", choices=("liu", "measured"), default="liu", help="the model to start from (default %(default)s)")
     parser.add_argument("--coefficients", nargs="+", default=None, metavar="NAME", help=f"of {', '.join(_RANGES)}")

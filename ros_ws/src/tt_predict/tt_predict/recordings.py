@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 from tt_core.constants import BALL_RADIUS, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError, check_array
+from tt_core.ros.bags import Bag
 from tt_core.states import Array
 
 FEWEST = 12  # points of a flight worth keeping
+ODOMETRY = "nav_msgs/msg/Odometry"
 GAP = 0.1  # s without a point, and another flight begins
 AIMY_CONTACT = 0.759  # m, height of the ball's centre at its bounce, in the files
 
@@ -60,21 +62,28 @@ def aimy(folder: Path) -> list[Flight]:
 
 
 def bag(path: Path, topic: str) -> list[Flight]:
-    """All flights to -x on a topic of nav_msgs/Odometry, cut where the ball turns round or is not seen for GAP; spin is the first one."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
+    """Read all flights to -x from a bag.
 
-    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    if not files:
-        raise TtError(f"{path} holds no *.mcap file")
+    Args:
+        path: A bag of any kind that `tt_core.ros.bags` reads.
+        topic: A topic of nav_msgs/Odometry.
+
+    Returns:
+        The flights, cut where the ball turns round or is not seen for GAP. The spin is that of a flight's first message.
+
+    Raises:
+        BagError: If the bag cannot be read.
+        TtError: If the topic has another type.
+    """
     rows = []
-    for file in files:
-        with file.open("rb") as stream:
-            for message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=[topic]):
-                ball = message.decoded_message
-                time, position, twist = ball.header.stamp, ball.pose.pose.position, ball.twist.twist
-                v, w = twist.linear, twist.angular
-                rows.append([time.sec + 1e-9 * time.nanosec, position.x, position.y, position.z, v.x, w.x, w.y, w.z])
+    with Bag(path) as opened:
+        for kind in {known.kind for known in opened.topics if known.name == topic} - {ODOMETRY}:
+            raise TtError(f"{topic} in {path} has the type {kind}, not {ODOMETRY}")
+        for message in opened.messages([topic]):
+            ball = opened.decode(message)
+            time, position, twist = ball.header.stamp, ball.pose.pose.position, ball.twist.twist
+            v, w = twist.linear, twist.angular
+            rows.append([time.sec + 1e-9 * time.nanosec, position.x, position.y, position.z, v.x, w.x, w.y, w.z])
     return cut(np.array(rows).reshape(-1, 8), path.stem)
 
 
@@ -87,9 +96,7 @@ def cut(rows: Array, group: str) -> list[Flight]:
 
 
 def load(path: Path, topic: str) -> list[Flight]:
-    """From a folder of *.hdf5, or of *.mcap, or a *.mcap file. Raises TtError when there is no flight."""
-    if not path.exists():
-        raise TtError(f"{path} does not exist")
+    """From a folder of *.hdf5 or a bag. Raises TtError when there is no flight."""
     flights = aimy(path) if path.is_dir() and any(path.glob("*.hdf5")) else bag(path, topic)
     if not flights:
         raise TtError(f"{path} holds no flight of at least {FEWEST} points on {topic}")

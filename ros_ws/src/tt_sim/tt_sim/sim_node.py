@@ -30,6 +30,7 @@ from std_srvs.srv import Trigger
 from tt_arm.model import ArmModel
 from tt_arm.swing import Joints
 from tt_core.errors import TtError, check_range
+from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
     ball_to_message,
     camera_to_message,
@@ -142,6 +143,7 @@ class SimNode(Node):
         )
         self.create_timer(LOOK, self.look, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "/launcher/launch", self.on_launch)
+        answer_clock_pings(self)
         warm(self.plant)
         self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
         sys.setswitchinterval(SWITCH)

@@ -1,14 +1,15 @@
 """Launches and their images from a process of its own: what keeps deadlines in Python must not share an interpreter with the rendering.
 
 `python -m tt_sim.studio` reads pickled orders from its standard input, first a Studio, then shots, and writes a pickled Take for each. It
-steps back behind other processes, and ends when its input does, as with the process that has started it.
+steps back behind other processes, and ends when its input does, as with the process that has started it. It runs in a session of its
+own, so that Ctrl-C in a terminal does not reach it.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
-import signal
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from .render import Image, Scene, Texture
 from .vary import Variation
 
 NICE = 10  # by which it steps back: a launch that is late is launched later, a node that is late has missed the ball
+GUARD = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends it with its parent, rendering or not
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +73,8 @@ class Crew:
     """The process that works in a studio."""
 
     def __init__(self, studio: Studio) -> None:
-        self._process = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        command = (*GUARD, sys.executable, "-m", __name__)
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         self._closed = False
         self._send(studio)
 
@@ -97,7 +100,6 @@ class Crew:
 
 
 def main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all; whoever started this one ends it
     os.nice(NICE)
     try:
         studio: Studio = pickle.load(sys.stdin.buffer)
@@ -107,7 +109,7 @@ def main() -> None:
             take = studio.take(kind, scale, scene, rng)
             pickle.dump(take, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
             sys.stdout.buffer.flush()
-    except (EOFError, BrokenPipeError):
+    except (EOFError, BrokenPipeError, pickle.UnpicklingError):  # an order that was cut short is unpickled to the last
         os._exit(0)  # without a last try to flush
 
 

@@ -14,7 +14,7 @@ from tt_arm.guard import GuardParams
 from tt_arm.kinematics import Chain, forward_into
 from tt_arm.motion import evaluate
 from tt_arm.servo import ServoParams
-from tt_arm.swing import Swing
+from tt_arm.swing import Swing, SwingLimits
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
@@ -23,7 +23,7 @@ from .world import RACKET_RADIUS, Contact, contacts_from, travel
 
 SHOWN = 8  # contacts, more than a ball has from launch to landing
 AFTER_STRIKE = 0.06  # s that the swing is followed on
-GUARD, SERVO = GuardParams(), ServoParams()
+GUARD, SERVO, LIMITS = GuardParams(), ServoParams(), SwingLimits()
 
 
 @njit(cache=True)
@@ -91,7 +91,7 @@ def rally(
     noise = np.zeros((n, 14))
     if params.q_noise > 0.0:
         noise[:, :7] = rng.normal(0.0, params.q_noise, (n, 7))
-    guard = np.array([GUARD.acceleration, GUARD.braking, GUARD.margin, 0.15])
+    guard = np.array([GUARD.acceleration, LIMITS.acceleration, GUARD.margin, 0.15])
     silent = _swing(
         q, time, tick, SERVO.lead, SERVO.gain, start, knots, coefficients, model.speed_limits, plant.limits, guard,
         params.time_constant, params.acceleration, noise, params.q_step, model.chain, joints, rackets,

@@ -13,6 +13,7 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.errors import TtError, check_range
+from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import camera_to_message, image_to_message
 from tt_core.ros.listeners import is_heard
 from tt_core.ros.params import declare, parameter
@@ -61,6 +62,7 @@ class CameraNode(Node):
         self.status = Status(self)
         self.infos = [self.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in SIDES]
         self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in SIDES]
+        answer_clock_pings(self)
         with closing(self.shots()) as source:
             first = next(source)  # what cannot be read ends the node here
         self.size = first.image.shape

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.constants import RPM
 from tt_core.errors import TtError
+from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, seconds
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
@@ -47,6 +48,7 @@ class EstimateNode(Node):
         warm(rig)
         self.status = Status(self)
         self.balls = self.create_publisher(Odometry, "/ball/measured", RELIABLE)
+        answer_clock_pings(self)
         for side, name in enumerate(SIDES):
             self.create_subscription(CameraInfo, f"/camera/{name}/camera_info", partial(self.on_info, side), LATCHED)
             self.create_subscription(Image, f"/camera/{name}/image_raw", partial(self.on_image, side), SENSOR)

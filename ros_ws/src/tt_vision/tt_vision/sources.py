@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from mcap.reader import make_reader
-from rosbags.typesys import Stores, get_typestore
 from tt_core.errors import TtError, check_range
+from tt_core.ros.bags import Bag
 
 from .centre import Image
 from .devices import DeviceCounts, DeviceParams, grabs
@@ -131,18 +130,28 @@ class _Captures:
 
 
 def from_bag(path: Path) -> Generator[Shot, None, None]:
-    """The images on /camera/{left,right}/image_raw of an MCAP file or of the directory of one, by their own stamps."""
+    """Read the images on /camera/{left,right}/image_raw of a bag.
+
+    Args:
+        path: A bag of any kind that `tt_core.ros.bags` reads.
+
+    Yields:
+        Shots by the stamps of their messages.
+
+    Raises:
+        SourceError: If the bag has no images.
+        BagError: If it cannot be read.
+        BadMessage: If an image has an encoding that is not known.
+    """
+    from tt_core.ros.convert import image_from_message, seconds  # here, because no other source needs ROS
+
     topics = [f"/camera/{side}/image_raw" for side in SIDES]
     count = 0
     for topic, message in _messages(path, topics):
-        kinds: dict[str, np.dtype] = {"mono8": np.dtype(np.uint8), "mono16": np.dtype(">u2" if message.is_bigendian else "<u2")}
-        dtype = kinds.get(message.encoding)
-        if dtype is None or len(message.data) != message.height * message.width * dtype.itemsize:
-            raise SourceError(f"image on {topic} with encoding {message.encoding!r} and {len(message.data)} bytes")
-        image = np.frombuffer(message.data, dtype).reshape(message.height, message.width).astype(dtype.newbyteorder("="))
-        time = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        image = image_from_message(message)
+        native = image.astype(image.dtype.newbyteorder("="), copy=False)
+        yield Shot(topics.index(topic), seconds(message.header.stamp), native)
         count += 1
-        yield Shot(topics.index(topic), time, image)
     if not count:
         raise SourceError(f"no images on {' and '.join(topics)} in {path}")
 
@@ -156,14 +165,9 @@ def calibrations(path: Path) -> dict[int, Calibration]:
 
 
 def _messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    types = get_typestore(Stores.ROS2_JAZZY)
-    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    if not files or not all(file.is_file() for file in files):
-        raise SourceError(f"no MCAP file at {path}")
-    for file in files:
-        with file.open("rb") as stream:
-            for schema, channel, message in make_reader(stream).iter_messages(topics=topics):
-                yield channel.topic, types.deserialize_cdr(message.data, schema.name if schema else "")
+    with Bag(path) as bag:
+        for message in bag.messages(topics):
+            yield message.topic, bag.decode(message)
 
 
 def _grey(image: np.ndarray) -> Image:

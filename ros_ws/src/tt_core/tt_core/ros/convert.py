@@ -250,15 +250,34 @@ def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array, 
     return message
 
 
-def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[float, Array, Array]:
-    """(time s, q (n,) rad, qdot (n,) rad/s) in the order of `names`."""
-    try:
-        order = [list(message.name).index(name) for name in names]
-        q, qdot = np.array([message.position[i] for i in order]), np.array([message.velocity[i] for i in order])
-    except (ValueError, IndexError):
-        raise BadMessage(f"position and velocity of {list(names)} expected, got {list(message.name)}") from None
-    if not (np.isfinite(q).all() and np.isfinite(qdot).all()):
-        raise BadMessage(f"joint state is not finite: {q}, {qdot}")
+def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[float, Array, Array | None] | None:
+    """Return the state of the joints `names`, whatever other joints the message holds.
+
+    Returns:
+        Time s, q (n,) rad and qdot (n,) rad/s in the order of `names`. qdot is None where the driver sends no speeds: none at all, or
+        NaN for each of these joints, as ros2_control does. None if the message holds none of these joints.
+
+    Raises:
+        BadMessage: some of the joints are missing or named twice, or numbers are missing or not finite.
+    """
+    given = list(message.name)
+    if not any(name in names for name in given):
+        return None
+    wrong = {name: given.count(name) for name in names if given.count(name) != 1}
+    if wrong:
+        raise BadMessage(f"each joint once expected, got {', '.join(f'{name} {count} times' for name, count in wrong.items())}")
+    order = [given.index(name) for name in names]
+    for field, values in (("position", message.position), ("velocity", message.velocity)):
+        if len(values) != len(given) and not (field == "velocity" and len(values) == 0):
+            raise BadMessage(f"{field} holds {len(values)} numbers for {len(given)} names")
+    q = np.array([message.position[i] for i in order])
+    qdot = np.array([message.velocity[i] for i in order]) if len(message.velocity) else None
+    if qdot is not None and np.isnan(qdot).all():
+        qdot = None
+    if not np.isfinite(q).all():
+        raise BadMessage(f"positions are not finite: {q}")
+    if qdot is not None and not np.isfinite(qdot).all():
+        raise BadMessage(f"velocities are not finite: {qdot}")
     return seconds(message.header.stamp), q, qdot
 
 

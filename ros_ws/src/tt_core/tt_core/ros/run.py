@@ -7,7 +7,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -17,47 +19,87 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from ..errors import TtError
+from ..start import SIGNALS, default_signals
+
+THREADS = 1.0  # s for the threads of a node to end after its context
 
 
-def _asked_to_end() -> Future:
-    """Done at SIGINT or SIGTERM. The context lives on, so that a node can still say its last words."""
-    asked, (read, write) = Future(), os.pipe()
-    os.set_blocking(write, False)
-    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
+def run(make: Callable[[], Node]) -> None:
+    """Spin one node until SIGINT or SIGTERM, call its `close` if it has one, then destroy it and its context.
+
+    While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a
+    C callback. While `close` runs they wait; afterwards they end the process at once again. Threads of the node must end with its context.
+
+    Bad parameters, a TtError raised by `make`, end the process with one clear line and exit code 2.
+
+    Args:
+        make: Returns the node.
+    """
+    default_signals()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = _made(make)
+    gc.collect()  # a node that was refused goes here, with the threads of its participant
+    if node is None:
+        rclpy.try_shutdown()
+        raise SystemExit(2)
+    gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
+    try:
+        with _asked_to_end() as asked:
+            _spin(node, asked)
+    finally:
+        rclpy.try_shutdown()
+        _join_threads()
+        node.destroy_node()
+
+
+def _made(make: Callable[[], Node]) -> Node | None:
+    try:
+        return make()
+    except TtError as error:
+        print(error, file=sys.stderr)
+        return None
+
+
+def _spin(node: Node, asked: Future) -> None:
+    executor = EventsExecutor()
+    try:
+        executor.add_node(node)
+        with suppress(ExternalShutdownException):  # the node itself ended the context
+            while not asked.done():  # waits without a timeout never dispatch in rclpy 7.1.6
+                executor.spin_until_future_complete(asked, 3600.0)
+    finally:
+        executor.shutdown()
+        if hasattr(node, "close"):
+            node.close()
+
+
+@contextmanager
+def _asked_to_end() -> Iterator[Future]:
+    """A future that the first SIGINT or SIGTERM completes. A second one takes effect when the context is left."""
+    asked, received, (read, write) = Future(), list[int](), os.pipe()
 
     def wait() -> None:  # a thread, because Python's own handlers wait until the executor returns
         os.read(read, 1)
         asked.set_result(None)
 
+    os.set_blocking(write, False)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    for number in SIGNALS:
+        signal.signal(number, lambda number, _: received.append(number))
     threading.Thread(target=wait, name="signals", daemon=True).start()
-    return asked
-
-
-def run(make: Callable[[], Node]) -> None:
-    """Spin one node until SIGINT or SIGTERM, then call its `close` if it has one, and end the context.
-
-    Bad parameters end it with one clear line and exit code 2.
-    """
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    node = None
     try:
-        node = make()
-        gc.collect()
-        gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
-        asked = _asked_to_end()
-        executor = EventsExecutor()
-        executor.add_node(node)
-        while not asked.done():  # waits without a timeout never dispatch in rclpy 7.1.6
-            executor.spin_until_future_complete(asked, 3600.0)
-    except TtError as error:
-        print(error, file=sys.stderr)
-        raise SystemExit(2) from error
-    except (KeyboardInterrupt, ExternalShutdownException):  # while the node was made; by the node itself
-        pass
+        yield asked
     finally:
-        if node is not None and hasattr(node, "close"):
-            node.close()
-        rclpy.try_shutdown()
+        signal.set_wakeup_fd(-1)
+        os.close(write)
+        default_signals()
+        if len(received) > 1:
+            signal.raise_signal(received[-1])
+
+
+def _join_threads() -> None:
+    """Wait for the threads of the node: one that is inside a call of DDS while the interpreter ends would abort the process."""
+    end = time.monotonic() + THREADS
+    for thread in threading.enumerate():
+        if type(thread) is threading.Thread:
+            thread.join(max(0.0, end - time.monotonic()))

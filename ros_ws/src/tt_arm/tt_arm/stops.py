@@ -1,0 +1,46 @@
+"""Every reason for which the arm stops or does less than its swing asks, with its sentence."""
+
+from enum import Enum
+
+
+class ArmStop(Enum):
+    """Codes of `tt_core.failures.Failure`. Those that latch are listed in docs/safety.md."""
+
+    # a person
+    NOT_ENABLED = "not enabled"
+    STOPPED = "stopped by /arm/stop; /arm/enable starts again"
+    ENDED = "the node ends"
+    # joint states that are not used
+    SILENT = "no valid joint state for {age:.3f} s, at most {bound:.3f} s allowed"
+    UNREADABLE = "joint state refused: {error}"
+    OLD = "joint state is {age:.3f} s old, at most {bound:g} s allowed"
+    AHEAD = "joint state is stamped {age:.3f} s ahead of the clock, at most {bound:g} s allowed"
+    NOT_NEWER = "joint state is not newer than the one before: stamp {stamp:.6f} s after {last:.6f} s"
+    NO_POSTURE = "joint {joint} at {value:g} rad is {beyond:g} rad beyond its limit, no posture of this arm"
+    NO_SPEED = "joint {joint} at {value:g} rad/s is {share:g} times its speed limit, no speed of this arm"
+    JUMP = "joint {joint} jumped by {value:g} rad in {passed:.4f} s, at most {bound:g} rad possible"
+    # others on our topics
+    SECOND_PUBLISHER = "{count} publishers on {topic} ({names}), 1 allowed"
+    # latched: damage, or a person has to look
+    BEYOND_LIMIT = "joint {joint} is {value:.3f} rad beyond its limit, at most {bound:g} rad tolerated"
+    OVERSPEED = "joint {joint} moves at {value:.2f} times its speed limit, at most {bound:g} tolerated"
+    CONTACT = "the arm touches {obstacle}"
+    NOT_FOLLOWING = "gave up {count} paths within {window:g} s; the last time: {last}"
+    INTERNAL = "internal error: {error}"
+    # cuts of the guard
+    BROKEN_COMMAND = "command is not {count} finite numbers: {command}"
+    SPEED_CUT = "speed limit: {joints}"
+    POSITION_CUT = "position limit: {joints}"
+    ACCELERATION_CUT = "acceleration limit: {joints}"
+    NEAR = "braking would end {left:.0f} mm from {obstacle}, {bound:.0f} mm wanted"
+    OLD_PLAN = "the plan is {age:.2f} s old, at most {bound:g} s allowed"
+    # others
+    SLOWING = "slowing down to {scale:g} of the speed limits"
+    ARRIVING = "the first motion after enabling is slow; strokes are taken once the arm is at its waiting posture"
+    NO_STATE = "no joint state in time"
+    FAR_AHEAD = "the strike is {ahead:.2f} s ahead, at most {bound:g} s allowed"
+    STROKES_AHEAD = "strokes are stamped {age:.3f} s ahead of the clock, at most {bound:g} s allowed"
+    CLOCK_OFFSET = "the clock of {source} is off by {offset:+.4f} s, at most {bound:g} s allowed"
+    SWING_ON_ITS_WAY = "a swing is on its way"
+    SWING_WILL_DO = "the swing on its way will do"
+    STOPPED_MEANWHILE = "the arm was stopped while the swing was planned"

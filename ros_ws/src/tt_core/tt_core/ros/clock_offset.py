@@ -1,0 +1,114 @@
+"""Compares the clock of a node with those of the nodes whose stamps it uses.
+
+The node that asks publishes `clock_offset/ping`. Every node that stamps data answers on `clock_offset/pong`. Both are
+sensor_msgs/TimeReference:
+
+| field | ping | pong |
+|---|---|---|
+| header.stamp | t1, the clock of who asks | t2, the clock of who answers |
+| source | name of who asks | name of who answers |
+| time_ref | | t1 |
+| header.frame_id | | name of who asks |
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import TimeReference
+
+from ..clock_offsets import ClockOffset, ClockOffsets
+from ..errors import TtError, check_range
+from .convert import seconds
+from .inputs import Input
+from .qos import SENSOR
+from .status import Status
+
+PING, PONG = "clock_offset/ping", "clock_offset/pong"
+PERIOD = 0.25  # s between two questions
+TOLD = 1.0  # s between two reports
+LARGEST = 1024  # bytes of a message
+PENDING = 16  # questions that may be answered, those of the last 4 s
+
+
+def answer_clock_pings(node: Node) -> None:
+    """Answer every question for the time with the clock by which `node` stamps its data."""
+    pongs = node.create_publisher(TimeReference, PONG, SENSOR)
+
+    def answer(ping: TimeReference) -> None:
+        pong = TimeReference(time_ref=ping.header.stamp, source=node.get_name())
+        pong.header.frame_id = ping.source
+        pong.header.stamp = node.get_clock().now().to_msg()
+        pongs.publish(pong)
+
+    Input(node, TimeReference, PING, answer, SENSOR, largest=LARGEST, refused=lambda error: _warn(node, error))
+
+
+class ClockMonitor:
+    """Ask the time of all nodes that answer, and tell on /diagnostics how far their clocks are off.
+
+    With `use_sim_time` all nodes follow /clock and there is nothing to compare: then nothing is asked or told.
+    """
+
+    def __init__(self, node: Node, status: Status, bound: float = 0.002) -> None:
+        """Begin to ask.
+
+        Args:
+            node: Whose clock is compared with the others.
+            status: Where the offsets are told, once a second.
+            bound: s, beyond which an offset is told as a warning.
+
+        Raises:
+            OutOfRange: `bound` is negative or above 10 s.
+        """
+        check_range("clock offset bound", bound, 0.0, 10.0)
+        self._node, self._status, self._bound = node, status, bound
+        self._offsets, self._asked = ClockOffsets(), deque[tuple[int, int]](maxlen=PENDING)
+        if node.get_parameter("use_sim_time").value:
+            return
+        self._pings = node.create_publisher(TimeReference, PING, SENSOR)
+        Input(node, TimeReference, PONG, self._on_pong, SENSOR, largest=LARGEST, refused=lambda error: _warn(node, error))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, self._ask, clock=steady)
+        node.create_timer(TOLD, self._tell, clock=steady)
+
+    def worst(self) -> ClockOffset | None:
+        """Return the clock that is off by the most beyond its uncertainty, or None while no node has answered within 10 s."""
+        return self._offsets.worst(self._now())
+
+    def _now(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def _ask(self) -> None:
+        ping = TimeReference(source=self._node.get_name())
+        ping.header.stamp = self._node.get_clock().now().to_msg()
+        self._asked.append((ping.header.stamp.sec, ping.header.stamp.nanosec))
+        self._pings.publish(ping)
+
+    def _on_pong(self, pong: TimeReference) -> None:
+        """Take an answer to one of our last questions; to those of others and to what was never asked we do not listen."""
+        now = self._now()
+        if pong.header.frame_id == self._node.get_name() and (pong.time_ref.sec, pong.time_ref.nanosec) in self._asked:
+            self._offsets.add(pong.source, seconds(pong.time_ref), seconds(pong.header.stamp), now)
+
+    def _tell(self) -> None:
+        worst = self.worst()
+        if worst is None:
+            return
+        known = self._offsets.all(self._now())
+        milliseconds = {clock.source: (round(1e3 * clock.offset, 3), round(1e3 * clock.uncertainty, 3)) for clock in known}
+        self._status.tell(
+            "clock offsets",
+            warn=worst.least > self._bound,
+            worst=worst.source,
+            least_ms=f"{1e3 * worst.least:.3f}",
+            offset_and_uncertainty_ms=json.dumps(milliseconds),
+        )
+
+
+def _warn(node: Node, error: TtError) -> None:
+    node.get_logger().warning(str(error), throttle_duration_sec=1.0)
