@@ -170,7 +170,7 @@ class Relay:
     """Passes on a topic, whose publisher has been remapped to THROUGH; `change` makes what is passed on from each message."""
 
     def __init__(self, node: Node, topic: str, kind: type) -> None:
-        self.kind, self.topic = kind, topic
+        self.kind, self.topic, self.passed = kind, topic, 0  # passed: messages
         self.change: Callable[[Any], Any] | None = None  # -> a message, its bytes, or None for nothing
         self.publisher = node.create_publisher(kind, topic, QoSProfile(depth=100))
         node.create_subscription(kind, THROUGH + topic, self._on_data, QoSProfile(depth=100), raw=True)
@@ -179,6 +179,7 @@ class Relay:
         change = self.change
         out = data if change is None else change(deserialize_message(data, self.kind))
         if out is not None:
+            self.passed += 1
             self.publisher.publish(out)
 
 
