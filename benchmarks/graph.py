@@ -75,8 +75,15 @@ class Watch(Node):
         speeds: (s, rad/s) of the fastest joint.
     """
 
-    def __init__(self, joints_topic: str) -> None:
+    def __init__(self, joints_topic: str, tell: Callable[[str], None]) -> None:
+        """Begin to listen.
+
+        Args:
+            joints_topic: Where the true joints are published.
+            tell: Takes a line for each warning.
+        """
         super().__init__("watch", enable_rosout=False, start_parameter_services=False)
+        self._tell = tell
         self.balls = deque[Ball](maxlen=10_000)
         self.warnings = deque[Warning](maxlen=20_000)
         self.latencies = deque[tuple[float, float]](maxlen=10_000)
@@ -104,7 +111,9 @@ class Watch(Node):
         for s in message.status:
             if s.level != s.OK:
                 reasons = next((v.value for v in s.values if v.key == "reasons"), "")
-                self.warnings.append(Warning(stamp, s.name, f"{s.message}: {reasons}" if reasons else s.message))
+                warning = Warning(stamp, s.name, f"{s.message}: {reasons}" if reasons else s.message)
+                self.warnings.append(warning)
+                self._tell(f"[{warning.name}] warns: {warning.text}")
         with self.changed:
             self.changed.notify_all()
 
@@ -233,13 +242,13 @@ class Graph:
             for number in (signal.SIGINT, signal.SIGTERM):  # both leave nothing behind
                 signal.signal(number, signal.default_int_handler)
         joints = "/joint_states"
-        self.watch = Watch(THROUGH + joints if joints in self._through else joints)
+        self._file = self._log.open("a", buffering=1)
+        self.watch = Watch(THROUGH + joints if joints in self._through else joints, self._tell)
         self.relays = {topic: Relay(self.watch, topic, kind) for topic, (_, kind) in self._through.items()}
         self._over, executor = Future(), EventsExecutor()
         executor.add_node(self.watch)
         self._thread = threading.Thread(target=self._spin, args=(executor,), daemon=True)
         self._thread.start()
-        self._file = self._log.open("a", buffering=1)
         self.system = launch.System(self._processes, self._tell)
         self.system.__enter__()
         if not self.until(lambda: any(ball.hit for ball in self.watch.balls), READY):

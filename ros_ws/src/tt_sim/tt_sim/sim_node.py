@@ -22,7 +22,6 @@ from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
@@ -42,7 +41,7 @@ from tt_core.ros.convert import (
 )
 from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.params import declare, declare_physics, parameter
-from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
+from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 from tt_core.states import BallState
@@ -61,7 +60,6 @@ CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
 QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
-COMMAND = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # what was sent before a link was cut is not delivered after it
 LARGEST = 4096  # bytes of a command
 PAUSE = 0.25  # s, at least, between two refusals told
 RECORD = 1.0  # s between two words about the arm's record
@@ -137,7 +135,7 @@ class SimNode(Node):
             Float64MultiArray,
             "/arm_velocity_controller/commands",
             self.on_command,
-            COMMAND,
+            NEWEST,
             largest=LARGEST,
             refused=self.on_refused,
         )
@@ -177,9 +175,15 @@ class SimNode(Node):
             response.message = "the machine launches by itself" if self.launcher.rate else "the last ball is not over yet"
             return response
         self.busy.set()
-        response.success, response.message = True, "{} {}".format(*self.shots[self.launched % len(self.shots)])
+        response.success, response.message = True, "{} {}".format(*self.coming)
         threading.Thread(target=self.render, daemon=True).start()
         return response
+
+    @property
+    def coming(self) -> tuple[str, int]:
+        """The next shot."""
+        number = self.launched % self.params.repeat if self.params.repeat else self.launched
+        return self.shots[number % len(self.shots)]
 
     def feed(self) -> None:
         """At a rate: keeps rendered launches in store."""
@@ -195,8 +199,7 @@ class SimNode(Node):
         if repeat and self.launched and self.launched % repeat == 0:
             self.crew.close()
             self.crew = Crew(self.studio)
-        number = self.launched % repeat if repeat else self.launched
-        kind, scale = self.shots[number % len(self.shots)]
+        kind, scale = self.coming
         self.launched += 1
         try:
             take = self.crew.take(kind, scale)
@@ -268,7 +271,7 @@ class SimNode(Node):
             command = self.drive.command(now, params.tick, hardware.joints.qdot, -1.0 if behind else timeout)
             if self.drive.braking != braking:
                 braking = self.drive.braking
-                self.status.tell("brakes: no command" if braking else "follows commands", part="drive", warn=braking)
+                self.status.tell("brakes" if braking else "follows commands", part="drive", warn=braking)
             tick = hardware.advance(command)
             if not behind:
                 measured = self.plant.measured(tick.joints, noise)
