@@ -108,6 +108,10 @@ class Fault:
     quick: bool = False
 
 
+class NotInjected(Exception):
+    """The fault has not reached the graph."""
+
+
 @dataclass
 class Result:
     """times: how often it was injected. failures: why it was not survived. reactions: ms."""
@@ -132,6 +136,8 @@ def second_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None
             while time.monotonic() < end:
                 publisher.publish(ready if large else broken(make, good, time.time()))
                 graph.pause(0.5 if large else 1.0 / RATE)
+            if not publisher.get_subscription_count():
+                raise NotInjected(f"no one listens to {topic}")
         finally:
             intruder.destroy_node()
 
@@ -143,6 +149,7 @@ def sole_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None]:
 
     def inject(graph: Graph) -> None:
         make, relay, last = kinds(good)[name], graph.relays[topic], [0.0]
+        relay.passed = 0
 
         def change(message: Any) -> Any:
             if name == "oversize":
@@ -156,6 +163,8 @@ def sole_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None]:
             graph.pause(LONG)
         finally:
             relay.change = None
+        if not relay.passed:
+            raise NotInjected(f"nothing came on {topic}")
 
     return inject
 
@@ -294,7 +303,11 @@ def play(graph: Graph, fault: Fault, phase: str, result: Result) -> bool:
         result.failures.append(f"{phase}: the phase did not come{last_word(graph)}")
         return False
     began = time.time()
-    fault.inject(graph)
+    try:
+        fault.inject(graph)
+    except NotInjected as error:
+        result.failures.append(f"{phase}: not injected: {error}")
+        return True
     over = time.time()
     if fault.kills == "arm" and not graph.enable():
         result.failures.append(f"{phase}: /arm/enable does not answer")
@@ -322,6 +335,7 @@ def last_word(graph: Graph) -> str:
 
 def uncovered(graph: Graph) -> set[str]:
     """Topics that a node subscribes to and for which there is no fault."""
+    graph.until(lambda: set(NODES) <= set(graph.watch.get_node_names()), RECOVERY)
     found = {topic for name in NODES if name != "record" for topic, _ in graph.watch.get_subscriber_names_and_types_by_node(name, "/")}
     return found - good_messages().keys() - {"/parameter_events"}
 

@@ -25,6 +25,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -74,8 +75,15 @@ class Watch(Node):
         speeds: (s, rad/s) of the fastest joint.
     """
 
-    def __init__(self, joints_topic: str) -> None:
+    def __init__(self, joints_topic: str, tell: Callable[[str], None]) -> None:
+        """Begin to listen.
+
+        Args:
+            joints_topic: Where the true joints are published.
+            tell: Takes a line for each warning.
+        """
         super().__init__("watch", enable_rosout=False, start_parameter_services=False)
+        self._tell = tell
         self.balls = deque[Ball](maxlen=10_000)
         self.warnings = deque[Warning](maxlen=20_000)
         self.latencies = deque[tuple[float, float]](maxlen=10_000)
@@ -103,7 +111,9 @@ class Watch(Node):
         for s in message.status:
             if s.level != s.OK:
                 reasons = next((v.value for v in s.values if v.key == "reasons"), "")
-                self.warnings.append(Warning(stamp, s.name, f"{s.message}: {reasons}" if reasons else s.message))
+                warning = Warning(stamp, s.name, f"{s.message}: {reasons}" if reasons else s.message)
+                self.warnings.append(warning)
+                self._tell(f"[{warning.name}] warns: {warning.text}")
         with self.changed:
             self.changed.notify_all()
 
@@ -169,7 +179,7 @@ class Relay:
     """Passes on a topic, whose publisher has been remapped to THROUGH; `change` makes what is passed on from each message."""
 
     def __init__(self, node: Node, topic: str, kind: type) -> None:
-        self.kind, self.topic = kind, topic
+        self.kind, self.topic, self.passed = kind, topic, 0  # passed: messages
         self.change: Callable[[Any], Any] | None = None  # -> a message, its bytes, or None for nothing
         self.publisher = node.create_publisher(kind, topic, QoSProfile(depth=100))
         node.create_subscription(kind, THROUGH + topic, self._on_data, QoSProfile(depth=100), raw=True)
@@ -178,6 +188,7 @@ class Relay:
         change = self.change
         out = data if change is None else change(deserialize_message(data, self.kind))
         if out is not None:
+            self.passed += 1
             self.publisher.publish(out)
 
 
@@ -227,15 +238,17 @@ class Graph:
 
     def __enter__(self) -> Graph:
         if not rclpy.ok():
-            rclpy.init()
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+            for number in (signal.SIGINT, signal.SIGTERM):  # both leave nothing behind
+                signal.signal(number, signal.default_int_handler)
         joints = "/joint_states"
-        self.watch = Watch(THROUGH + joints if joints in self._through else joints)
+        self._file = self._log.open("a", buffering=1)
+        self.watch = Watch(THROUGH + joints if joints in self._through else joints, self._tell)
         self.relays = {topic: Relay(self.watch, topic, kind) for topic, (_, kind) in self._through.items()}
         self._over, executor = Future(), EventsExecutor()
         executor.add_node(self.watch)
         self._thread = threading.Thread(target=self._spin, args=(executor,), daemon=True)
         self._thread.start()
-        self._file = self._log.open("a", buffering=1)
         self.system = launch.System(self._processes, self._tell)
         self.system.__enter__()
         if not self.until(lambda: any(ball.hit for ball in self.watch.balls), READY):

@@ -175,9 +175,15 @@ class SimNode(Node):
             response.message = "the machine launches by itself" if self.launcher.rate else "the last ball is not over yet"
             return response
         self.busy.set()
-        response.success, response.message = True, "{} {}".format(*self.shots[self.launched % len(self.shots)])
+        response.success, response.message = True, "{} {}".format(*self.coming)
         threading.Thread(target=self.render, daemon=True).start()
         return response
+
+    @property
+    def coming(self) -> tuple[str, int]:
+        """The next shot."""
+        number = self.launched % self.params.repeat if self.params.repeat else self.launched
+        return self.shots[number % len(self.shots)]
 
     def feed(self) -> None:
         """At a rate: keeps rendered launches in store."""
@@ -193,8 +199,7 @@ class SimNode(Node):
         if repeat and self.launched and self.launched % repeat == 0:
             self.crew.close()
             self.crew = Crew(self.studio)
-        number = self.launched % repeat if repeat else self.launched
-        kind, scale = self.shots[number % len(self.shots)]
+        kind, scale = self.coming
         self.launched += 1
         try:
             take = self.crew.take(kind, scale)
@@ -266,7 +271,7 @@ class SimNode(Node):
             command = self.drive.command(now, params.tick, hardware.joints.qdot, -1.0 if behind else timeout)
             if self.drive.braking != braking:
                 braking = self.drive.braking
-                self.status.tell("brakes: no command" if braking else "follows commands", part="drive", warn=braking)
+                self.status.tell("brakes" if braking else "follows commands", part="drive", warn=braking)
             tick = hardware.advance(command)
             if not behind:
                 measured = self.plant.measured(tick.joints, noise)
