@@ -84,18 +84,20 @@ def test_substitutions(monkeypatch, tmp_path):
     assert substitute("$(not-equals $(var a) '')", {"a": ""}) == "false"
     assert substitute("$(not-equals $(var a) '')", {"a": "here or there"}) == "true"
     assert substitute("$(not-equals $(var a) here)", {"a": "here"}) == "false"
+    assert substitute("$(and $(var a) true)", {"a": "true"}) == "true"
+    assert substitute("$(and $(var a) true)", {"a": "false"}) == "false"
 
 
 @pytest.mark.parametrize("name, sees", [("sim", "sim"), ("robot", "camera")])
 def test_one_argument_opens_the_graph_to_other_machines(name, sees):
     """Each machine starts its part; without `peers` the environment stays as it is."""
     path = SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml"
-    whole = processes(path, {"record": "false"})
-    assert [process.name for process in whole] == [sees, "estimate", "predict", "racket", "arm"]
+    whole = processes(path, {"record": "false", "enabled": "true"})
+    assert [process.name for process in whole] == [sees, "estimate", "predict", "racket", "arm", "enable"]
     assert not any(process.environment for process in whole)
     opened = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "192.168.1.2;other.local"}
-    for part, names in (("arm", [sees, "estimate"]), ("vision", ["predict", "racket", "arm"])):
-        started = processes(path, {"record": "false", "peers": "192.168.1.2;other.local", part: "false"})
+    for part, names in (("arm", [sees, "estimate"]), ("vision", ["predict", "racket", "arm", "enable"])):
+        started = processes(path, {"record": "false", "enabled": "true", "peers": "192.168.1.2;other.local", part: "false"})
         assert [process.name for process in started] == names
         assert all(process.environment == opened for process in started)
 
@@ -160,7 +162,7 @@ def test_our_files_are_what_the_frontend_of_ros_takes(path):
 def test_our_nodes_are_started_again_but_the_arm_is_enabled_once(path):
     """What a restart would repeat is in no parameter; a recorder's directory exists already."""
     nodes = {keys["exec"]: keys for kind, keys in read(path) if kind == "node"}
-    assert {name for name, keys in nodes.items() if keys.get("respawn") == "true"} == nodes.keys() - {"record_node", "enable"}
+    assert {name for name, keys in nodes.items() if keys.get("respawn") == "true"} == nodes.keys() - {"record_node", "play_node", "enable"}
     assert "enabled" not in {param.get("name") for keys in nodes.values() for param in keys.get("param", ())}
 
 

@@ -1,8 +1,8 @@
 """Starts the processes of a launch file and keeps them together.
 
 The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `set_env`, `node` and `executable` with
-the keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname) and $(not-equals A B), whose
-operands may be quoted or substitutions themselves. https://github.com/ros2/launch
+the keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname), $(not-equals A B) and
+$(and A B), whose operands may be quoted or substitutions themselves. https://github.com/ros2/launch
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Process:
     name: str
     command: tuple[str, ...]
     required: bool = False
-    environment: Mapping[str, str] = field(default_factory=dict)
+    environment: Mapping[str, str] = field(default_factory=dict, hash=False)
     respawn: bool = False
     respawn_delay: float = 0.0
     respawn_max_retries: int = -1
@@ -96,6 +96,13 @@ def arguments(path: Path) -> list[Argument]:
     return [Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read(path) if kind == "arg"]
 
 
+def is_true(text: str) -> bool:
+    """Return what a condition says. Raises LaunchError if it is neither true nor false."""
+    if text.lower() not in ("true", "1", "false", "0"):
+        raise LaunchError(f"a condition is {text!r}, neither true nor false")
+    return text.lower() in ("true", "1")
+
+
 def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quote: Callable[[str], str] = str) -> str:
     """`text` with its substitutions replaced by their values, each passed through `quote`. Raises LaunchError."""
 
@@ -109,9 +116,9 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
             return quote(str(packages.share(given[0])))
         if word == "dirname":
             return quote(str(folder))
-        if word == "not-equals" and len(given) == 2:
+        if word in ("not-equals", "and") and len(given) == 2:
             left, right = (o.strip("'") if o.startswith("'") else substitute(o, values, folder) for o in given)
-            return "true" if left != right else "false"
+            return str(left != right if word == "not-equals" else is_true(left) and is_true(right)).lower()
         raise LaunchError(f"{match[0]} has no value here")
 
     if "$(" in _SUBSTITUTION.sub("", text):
@@ -141,10 +148,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
         return shlex.split(substitute(text, values, path.parent, shlex.quote))
 
     def holds(condition: str) -> bool:
-        text = fill(str(condition)).lower()
-        if text not in ("true", "1", "false", "0"):
-            raise LaunchError(f"condition {condition} is {text!r}, neither true nor false")
-        return text in ("true", "1")
+        return is_true(fill(str(condition)))
 
     def options(keys: dict[str, Any]) -> Iterator[str]:
         if "name" in keys:
