@@ -111,7 +111,7 @@ class RecordNode(Node):
             self.get_logger().error(f"{state.trouble}; what cannot be recorded is dropped and counted")
         elif changed:
             self.get_logger().warning(f"recording again; dropped so far: {sum(state.dropped.values())} messages")
-        counts = {"free_bytes": state.free, "queued_bytes": state.queued}
+        counts: dict[str, Any] = {"free_bytes": state.free, "queued_bytes": state.queued}
         losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
         self._status.tell(state.trouble or "recording", warn=bool(state.trouble) or losing, **counts, **losses)
         self._told, self._when = state, time.monotonic()
