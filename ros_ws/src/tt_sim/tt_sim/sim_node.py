@@ -59,6 +59,7 @@ from .wide import WideWatch
 CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
 QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
+SLEW = 2e-6  # s, by which the stamps are brought nearer to the system's clock in a tick; in a second that is 1 ms
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
 PAUSE = 0.25  # s, at least, between two refusals told
@@ -241,6 +242,9 @@ class SimNode(Node):
         braking = True
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
+            if params.rtf == 1.0:  # stamps follow the system's clock, which its time service makes faster or slower
+                drift = time.time() - start - (time.monotonic() - real_start)
+                real_start -= min(max(drift, -SLEW), SLEW)
             tick_due = hardware.joints.time + params.tick
             frame_due = launch_time + flight.images[0][0] if flight and flight.images else dark_due
             time.sleep(max(0.0, (min(tick_due, frame_due) - start) / params.rtf - (time.monotonic() - real_start)))
@@ -288,8 +292,8 @@ class SimNode(Node):
                 self.pixels[side].publish(message)
             for outcome in tick.ended:
                 over = flying.pop(outcome.launched.time)
+                self.busy.clear()  # first: who hears of the end may launch at once
                 self.status.tell("ball over", number=over.number, shot=over.shot, **outcome.told())
-                self.busy.clear()
 
     def publish_image(self, side: int, stamped: float, image: Image) -> None:
         image.header.stamp = stamp(stamped)
