@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from tt_core.ros.inputs import Input
 from tt_core.ros.qos import LATEST, RELIABLE
 from tt_core.ros.status import Status
 
+BAG = next((Path(__file__).parents[2] / "bags").glob("reference_*"))
 NODES = {
     "sim_node": ("tt_sim", ()),
     "estimate_node": ("tt_vision", ()),
@@ -29,6 +31,7 @@ NODES = {
     "racket_node": ("tt_racket", ()),
     "arm_node": ("tt_arm", ()),
     "record_node": ("tt_bringup", ("--ros-args", "-p", "output:=bag")),
+    "play_node": ("tt_bringup", ("--ros-args", "-p", f"bag:={BAG}", "-p", "wait_for:=[/nothing]")),
 }
 AT_ONCE = 4
 
