@@ -1,17 +1,18 @@
 """Paths stop where they should, to rounding error, and bounce as the models say."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_X
 from tt_core.errors import OutOfRange, TtError
 from tt_core.flight import Aerodynamics, fly
 from tt_core.physics import Physics
 from tt_core.states import BallState
-from tt_predict.rollout import StopRule, rollout
+from tt_predict.rollout import FARTHEST, MOST_POINTS, StopRule, rollout, thinned
 
 AIRLESS = Aerodynamics.gravity_only()
 PHYSICS = [Physics.liu(), Physics.measured(), Physics.liu(0.0)]
@@ -175,3 +176,30 @@ def test_bad_values_name_themselves():
         StopRule.at_x(math.nan)
     with pytest.raises(ValueError, match="velocity"):
         BallState(0.0, [0, 0, 0], [np.nan, 0, 0], [0, 0, 0])
+
+
+anything = st.one_of(st.floats(-100.0, 100.0), st.sampled_from([0.0, -0.0, 1e-300, 100.0, -100.0, 1e17, -1e300, 1.7e308]))
+
+
+@given(st.lists(anything, min_size=9, max_size=9), st.sampled_from([StopRule.at_x(-0.5), StopRule.liu(), StopRule.at_landing()]))
+@example([2.6, 0.7, 0.3, 1e300, 0.0, 0.0, 0.0, 0.0, 0.0], StopRule.at_x(-0.5))
+@example([2.6, 0.7, 0.3, -5.0, 0.0, 1.0, 0.0, 1e300, 0.0], StopRule.at_x(-0.5))
+def test_whatever_the_state_the_path_is_finite_and_bounded(vector, stop):
+    for physics, method in itertools.product(PHYSICS, ("exact", "liu")):
+        path = rollout(BallState.from_vector(0.0, np.array(vector)), physics, stop, method=method)
+        assert len(path.times) < 30_000
+        assert np.isfinite(path.positions).all() and np.isfinite(path.velocities).all() and np.isfinite(path.spins).all()
+        assert (np.abs(path.positions[1:]) <= FARTHEST).all()
+        few = thinned(path)
+        assert len(few.times) <= MOST_POINTS
+
+
+def test_a_thinned_path_is_the_path():
+    ball = BallState(0.0, [2.0, 0.7, 0.8], [0.0, 0.0, 0.0], [0.0, 0.0, 300.0])  # falls along its spin: steps of 0.25 ms
+    path = rollout(ball, Physics.liu(), StopRule.at_x(-1.0))
+    few = thinned(path)
+    assert len(path.times) > MOST_POINTS > len(few.times)
+    assert few.bounces == path.bounces and few.end.vector == pytest.approx(path.end.vector, abs=0.0)
+    assert np.flatnonzero(np.diff(few.times) == 0.0).size == len(path.bounces)
+    # m, m/s, rad/s: cubic interpolation of points 5 ms apart, where drag changes by a tenth within a step
+    assert few.rows(path.times[:-1])[:, :3] == pytest.approx(path.positions[:-1], abs=1e-6)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_core.errors import OutOfRange, TtError
-from tt_vision.burst import Assembler, BurstParams
+from tt_core.errors import BadShape, OutOfRange, TtError
+from tt_vision.burst import MOST_BYTES, MOST_WAITING, Assembler, BurstParams
 
 DARK = np.full((232, 232), 8, np.uint8)
 
@@ -114,3 +114,51 @@ def test_one_camera_alone_and_a_clock_that_is_behind(stream):
         BurstParams(alone="both")
     with pytest.raises(OutOfRange, match="refined"):
         BurstParams(frames=6, refined=5)
+
+
+def test_an_image_of_another_size_within_a_ball_is_refused_and_the_next_ball_is_measured(stream):
+    assembler = Assembler()
+    feed(assembler, stream[:6])
+    larger = np.pad(stream[6][2], ((0, 8), (0, 0)))
+    with pytest.raises(BadShape, match="image of left") as told:
+        assembler.add(0, stream[6][1], larger)
+    assert (told.value.shape[0], told.value.wanted[0]) == (240, 232)
+    with pytest.raises(BadShape):
+        assembler.add(0, stream[6][1], stream[6][2].astype(np.uint16))
+    assert len(feed(assembler, moved(stream, 0.2))) == 1
+    grown = [(side, time + 0.4, np.pad(image, ((0, 8), (0, 0)))) for side, time, image in stream]
+    assert len(feed(assembler, grown)) == 1  # a camera that has been set anew
+
+
+STAMPS = {
+    "distinct, one side": lambda k: (0, 1e-3 * k),
+    "far apart, one side": lambda k: (0, 0.9 * k),
+    "equal": lambda k: (k % 2, 0.0),
+    "equal, one side": lambda k: (1, 5.0),
+    "running back": lambda k: (k % 2, -1e-3 * k),
+    "running back, one side": lambda k: (0, -1e-5 * k),
+    "far apart": lambda k: (k % 2, 1e6 * k),
+    "to and fro": lambda k: (k % 2, 0.04 * (k % 3) + 1e-6 * k),
+    "never in pairs": lambda k: (k % 2, 1e-3 * k + 4e-4 * (k % 2)),
+}
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("name", STAMPS)
+def test_no_stamps_make_it_hold_more_than_it_may(stream, name, dark):
+    """Whatever the stamps are, what is held has a bound, and the next ball is measured."""
+    assembler, ball = Assembler(), stream[6][2]
+    for k in range(1000):
+        side, time = STAMPS[name](k)
+        assembler.add(side, 100.0 + time, DARK if dark else ball)
+        assert all(len(queue) <= MOST_WAITING for queue in assembler._waiting)
+        assert len(assembler._pairs) <= assembler.params.frames
+    assert len(feed(assembler, moved(stream, 1e9))) == 1
+
+
+def test_large_images_wait_in_smaller_numbers():
+    assembler, image = Assembler(), np.zeros((4096, 2048), np.uint8)
+    image[1000:1400, 1000:1400] = 200
+    for k in range(40):
+        assembler.add(0, 1e-4 * k + 1e-3 * k, image)
+    assert len(assembler._waiting[0]) <= MOST_BYTES // image.nbytes

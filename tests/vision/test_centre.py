@@ -65,6 +65,7 @@ def test_a_marked_and_shaded_ball_is_found(footage):
         (np.full((232, 232), 120, np.uint8), "no ball: no contrast"),
         (disc(116, 116, inside=255.0), "saturated"),
         (disc(116, 116, 5.0), "no ball: too small"),
+        (disc(700, 700, 330.0, size=1400), "no ball: too large"),
         (disc(20, 116), "ball not whole in view"),
         (disc(116, 225), "ball not whole in view"),
         (np.random.default_rng(0).integers(0, 255, (232, 232)).astype(np.uint8), "ball not whole in view"),

@@ -175,7 +175,8 @@ def ease(state: Array, c: Array) -> float:
     across, flat = state[3] * state[7] - state[4] * state[6], state[3] * state[3] + state[4] * state[4]
     spin = state[6] * state[6] + state[7] * state[7] + state[8] * state[8]
     length = across * across + flat * state[8] * state[8]
-    return 1.0 if length >= CALM * CALM * spin else max(LEAST_EASE, math.sqrt(length / spin) / CALM)
+    share = 1.0 if length >= CALM * CALM * spin else math.sqrt(length / spin) / CALM
+    return share if share > LEAST_EASE else LEAST_EASE  # of NaN, too: whoever walks by these steps comes to an end
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,7 +16,7 @@ from tt_core.bounce import rebound_table
 from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_X
 from tt_core.court import meets_edge, meets_net, meets_surface, over_table
 from tt_core.errors import TtError, check_range
-from tt_core.flight import MAX_STEP, accelerate, crossing, ease, step
+from tt_core.flight import LEAST_EASE, MAX_STEP, accelerate, crossing, ease, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, Bounce
 
@@ -24,12 +24,16 @@ Rows = npt.NDArray[np.int64]
 
 MOST_BOUNCES = 16  # then the ball rolls
 LONGEST = 5.0  # s of a path; no ball flies longer
+FARTHEST = 100.0  # m, of each coordinate; no hall is larger
+FASTEST = 1000.0  # m/s, sum over the axes; a ball that is faster comes from a broken state
+MOST_POINTS = 2000  # of a path that is published, see `thinned`
+SPACING = 0.005  # s between the points of a path that has been thinned out
 HIT_WINDOW = (-0.3, 0.0)  # m in x, dissertation Section 4.5.1
 LIU_STEP = 1.0 / 1200.0  # s, dissertation Section 4.5.1
 
 _TIME, _X, _LANDING, _LIU = range(4)
-_ENDED = ("stop", "floor", "net", "edge", "rolling", "too long")
-_STOP, _FLOOR, _NET, _EDGE, _ROLLING, _TOO_LONG, _FULL = range(7)
+_ENDED = ("stop", "floor", "net", "edge", "rolling", "too long", "too far")
+_STOP, _FLOOR, _NET, _EDGE, _ROLLING, _TOO_LONG, _TOO_FAR, _FULL = range(8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +99,15 @@ def _put(rows: Array, n: int, time: float, state: Array) -> None:
 
 
 @njit(cache=True)
+def _is_lost(state: Array) -> bool:
+    """Whether the ball is too far or too fast to be one; so it is if a number is not finite."""
+    for k in range(3):
+        if not abs(state[k]) <= FARTHEST:
+            return True
+    return not abs(state[3]) + abs(state[4]) + abs(state[5]) <= FASTEST
+
+
+@njit(cache=True)
 def roll(
     start: float, state: Array, duration: float, kind: int, value: float, air: Array, table: Array, contact: float, rows: Array, at: Rows
 ) -> tuple[int, int, int]:
@@ -126,6 +139,8 @@ def roll(
         if first <= h:
             step(now, first, air, end, work)
             h = first
+        if _is_lost(end):
+            return n, bounces, _TOO_FAR
         t += h
         for k in range(9):
             now[k] = end[k]
@@ -181,6 +196,8 @@ def roll_stepped(
             break
         last[:] = now
         _rk4(now, LIU_STEP, air, k, v)
+        if _is_lost(now):
+            return n, bounces, _TOO_FAR
         _put(rows, n, start + i * LIU_STEP, now)
         n += 1
         window = bounces > 0 and HIT_WINDOW[0] <= now[0] <= HIT_WINDOW[1] and now[5] <= 0.0
@@ -203,12 +220,13 @@ def roll_stepped(
     return n, bounces, _TOO_LONG
 
 
+_MOST_ROWS = math.ceil(LONGEST / (MAX_STEP * LEAST_EASE)) + 2 * MOST_BOUNCES + 8
 _ROWS = {"exact": math.ceil(LONGEST / MAX_STEP) + 2 * MOST_BOUNCES + 8, "liu": math.ceil(LONGEST / LIU_STEP) + MOST_BOUNCES + 8}
 
 
 def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = "exact") -> BallPath:
     """The path of the ball from its state to the stop rule or to what else ends it; `ended` tells: "stop", "floor", "net", "edge" (of the
-    table), "rolling" after MOST_BOUNCES, "too long" after LONGEST seconds.
+    table), "rolling" after MOST_BOUNCES, "too long" after LONGEST seconds, "too far" where it leaves FARTHEST or is over FASTEST.
 
     Points lie at most MAX_STEP apart. What the ball does after net and edge nobody can tell, so the path ends there.
     method: "exact", or "liu", the dissertation's own scheme, see `roll_stepped`, which ends at steps only.
@@ -232,11 +250,26 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
             rows,
             at,
         )
-        size *= 8  # small steps, see tt_core.flight.ease
+        if ended == _FULL and size >= _MOST_ROWS:
+            raise TtError(f"path of more than {size} points")
+        size = min(8 * size, _MOST_ROWS)  # small steps, see tt_core.flight.ease
     rows = rows[:n]
     rows.flags.writeable = False
     bounces = tuple(_bounce(rows, i) for i in at[:bounced].tolist()) if bounced else ()
     return BallPath.trusted(rows, bounces, _ENDED[ended])
+
+
+def thinned(path: BallPath) -> BallPath:
+    """The path itself, or where it has more than MOST_POINTS, which happens with spin along the flight, points of it SPACING apart.
+
+    Both points of each bounce and the last point stay.
+    """
+    if len(path.times) <= MOST_POINTS:
+        return path
+    bounces = np.flatnonzero(np.diff(path.times) == 0.0)
+    even = np.searchsorted(path.times, np.arange(path.times[0], path.times[-1], SPACING))
+    kept = np.unique(np.concatenate([even, bounces, bounces + 1, [len(path.times) - 1]]))
+    return BallPath(path.times[kept], path.positions[kept], path.velocities[kept], path.spins[kept], path.bounces, path.ended)
 
 
 def _bounce(rows: Array, i: int) -> Bounce:

@@ -14,6 +14,8 @@ from .sensitivity import ErrorParams, landing_spread
 from .stroke import Stroke, solve
 from .trade import AS_ASKED, TradeParams, settle
 
+MOST_CANDIDATES = 64  # points of a path at which a stroke is solved: a usual ball has 30
+
 
 @dataclass(frozen=True)
 class InterceptParams:
@@ -62,13 +64,14 @@ class Candidates:
 
 
 def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
-    """The ball at the times at which it may be hit: after its one bounce, in the window."""
+    """The ball at the times at which it may be hit: after its one bounce, in the window; at most MOST_CANDIDATES, evenly taken."""
     if len(path.bounces) != 1:
         return []
     times = np.arange(path.bounces[0].time + params.spacing, path.times[-1], params.spacing)
     rows = path.rows(times)
     low, high = (params.x_low, params.y_low, params.z_low), (params.x_high, params.y_high, params.z_high)
     inside = np.flatnonzero(((rows[:, :3] >= low) & (rows[:, :3] <= high)).all(axis=1))
+    inside = inside[:: max(1, math.ceil(len(inside) / MOST_CANDIDATES))]
     return [BallState.trusted(float(times[i]), rows[i, :3], rows[i, 3:6], rows[i, 6:]) for i in inside]
 
 

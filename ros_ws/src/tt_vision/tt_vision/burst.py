@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from tt_core.errors import TtError, check_range
+from tt_core.errors import BadShape, TtError, check_range
 from tt_core.states import Array
 
 from .centre import Image, Spot, find_ball
@@ -15,6 +15,8 @@ from .measure import LEAST_FRAMES, MOST_FRAMES
 SIDES = ("left", "right")
 Seen = tuple[Image, Spot] | None  # an image that shows a whole ball, and where; None when it does not
 WHOLE_AGAIN = 1.0  # s that stamps may jump back before it is taken as a new recording
+MOST_WAITING = 64  # images of a side that wait for their partners: more than a camera of 900 Hz sends in `gap`
+MOST_BYTES = 2**27  # of images of a side that wait
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Burst:
 
 @dataclass
 class Counts:
-    """Images that did not make it, since the start. spare: after the burst of their ball was complete."""
+    """Images that did not make it, since the start. spare: after the burst of their ball was complete. unpaired: their partner did not
+    come while they waited, or too many waited."""
 
     unpaired: int = 0
     duplicate: int = 0
@@ -71,12 +74,16 @@ class Assembler:
     counts: Counts = field(default_factory=Counts)
     _waiting: tuple[deque[tuple[float, Seen]], ...] = field(default_factory=lambda: (deque(), deque()))
     _pairs: list[tuple[float, tuple[Image, Spot], tuple[Image, Spot]]] = field(default_factory=list)
+    _kinds: list[tuple | None] = field(default_factory=lambda: [None, None])  # shape and type of the present ball's images
     _last: float = -np.inf  # newest stamp that showed a ball
     _given: int = 0  # bursts that the present ball has had
     _used: int = 0  # pairs in the last of them
 
     def add(self, side: int, time: float, image: Image) -> Burst | None:
-        """side: 0 left, 1 right. time: s, middle of the exposure. image: (h, w) uint8 or uint16. Raises TtError for another kind."""
+        """side: 0 left, 1 right. time: s, middle of the exposure. image: (h, w) uint8 or uint16.
+
+        Raises TtError for another kind, and BadShape for an image unlike those of the same ball that came before it.
+        """
         if self.params.alone and SIDES[side] != self.params.alone:
             return None
         time += side * self.params.clock_offset
@@ -93,6 +100,10 @@ class Assembler:
                 return None
             if time > self._last + self.params.gap:
                 self._renew()
+            kind = (*image.shape, str(image.dtype))
+            if self._kinds[side] not in (None, kind):
+                raise BadShape(f"image of {SIDES[side]} within a ball", kind, self._kinds[side])
+            self._kinds[side] = kind
             self._last = max(self._last, time)
         mine, other = self._waiting[side], self._waiting[1 - side]
         if any(abs(time - at) <= self.params.pairing for at, _ in mine) or any(
@@ -107,8 +118,9 @@ class Assembler:
                 other.remove(entry)
                 return self._pair(side, min(time, entry[0]), seen, entry[1], leaving)
         mine.append((time, seen))
+        most = min(MOST_WAITING, max(1, MOST_BYTES // image.nbytes))
         for queue in self._waiting:
-            while queue and queue[0][0] < time - self.params.gap:
+            while queue and (queue[0][0] < time - self.params.gap or len(queue) > most):
                 self.counts.unpaired += queue.popleft()[1] is not None
         return None
 
@@ -145,4 +157,4 @@ class Assembler:
         for queue in self._waiting:
             self.counts.unpaired += sum(seen is not None for _, seen in queue)
             queue.clear()
-        self._pairs, self._given, self._used = [], 0, 0
+        self._pairs, self._given, self._used, self._kinds = [], 0, 0, [None, None]

@@ -18,6 +18,7 @@ DEPTH = 0.25  # threshold between background and brightest part of the ball, rel
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
 SATURATED = 0.2  # part of the ball at full scale from which shading is lost
 LEAST_RADIUS = 8.0  # pixels, of a ball whose marks can be told apart
+MOST_RADIUS = 300.0  # pixels: to measure a burst takes 0.8 s there, and time rises with the square
 SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light that halves its weight twice: a mark
 BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves by 0.02 pixels when this is off by 0.3
 MARGIN = 3.0  # pixels of background wanted around the ball
@@ -52,6 +53,8 @@ def find_ball(image: Image) -> Spot:
         return Spot("black" if peak < CONTRAST * full else "no ball: no contrast")
     if radius < LEAST_RADIUS:
         return Spot("no ball: too small")
+    if radius > MOST_RADIUS:
+        return Spot("no ball: too large")
     if top >= full and at_top > SATURATED:
         return Spot("saturated")
     height, width = image.shape

@@ -11,20 +11,26 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.constants import RPM
-from tt_core.errors import TtError
+from tt_core.errors import BadShape, TtError
 from tt_core.ros.clock_offset import answer_clock_pings
-from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, seconds
+from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
+from tt_core.ros.inputs import Input
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
+from tt_core.ros.refusals import Refusals
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 
 from .burst import SIDES, Assembler, Burst, BurstParams
 from .camera import Camera
+from .lens import Lens
 from .light import Lamps
 from .measure import measure, warm
 from .registration import SearchParams
-from .rig import PIXEL_SIZE, high_speed_pair
+from .rig import high_speed_pair
+
+LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
+LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
 
 
 class EstimateNode(Node):
@@ -43,15 +49,20 @@ class EstimateNode(Node):
         self.lamps = self._lamps()
         rig = high_speed_pair()
         self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
-        self.cameras: list[Camera | None] = [None, None]
+        self.infos: list[CameraInfo | None] = [None, None]
+        self.lenses: list[Lens | None] = [None, None]
         self.measured, self.refused = 0, 0
         warm(rig)
         self.status = Status(self)
         self.balls = self.create_publisher(Odometry, "/ball/measured", RELIABLE)
         answer_clock_pings(self)
+        self.bad_infos = [Refusals(self.status, f"camera_info of {name}") for name in SIDES]
+        self.bad_images = [Refusals(self.status, f"image of {name}") for name in SIDES]
         for side, name in enumerate(SIDES):
-            self.create_subscription(CameraInfo, f"/camera/{name}/camera_info", partial(self.on_info, side), LATCHED)
-            self.create_subscription(Image, f"/camera/{name}/image_raw", partial(self.on_image, side), SENSOR)
+            info, image = f"/camera/{name}/camera_info", f"/camera/{name}/image_raw"
+            on_info, on_image = partial(self.on_info, side), partial(self.on_image, side)
+            Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side])
+            Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side])
 
     def _pose(self, name: str, camera: Camera) -> Camera:
         rotation = parameter(self, f"{name}.rotation", camera.rotation.ravel().tolist())
@@ -71,19 +82,23 @@ class EstimateNode(Node):
         return Lamps(np.reshape(positions, (-1, 3)), np.array(strengths), ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
+        message.header = CameraInfo().header  # drivers send the same calibration with each image
+        if message == self.infos[side]:
+            return
         try:
             width, height, matrix, distortion = camera_from_message(message)
-            self.cameras[side] = Camera.from_matrix(
-                self.poses[side].rotation, self.poses[side].translation, matrix, width, height, distortion, PIXEL_SIZE
-            )
+            self.lenses[side], self.infos[side] = Lens(matrix, distortion, width, height), message
         except TtError as error:
-            self.status.tell(f"camera_info of {SIDES[side]} refused: {error}", warn=True)
+            self.bad_infos[side](error)
 
     def on_image(self, side: int, message: Image) -> None:
         try:
-            burst = self.assembler.add(side, seconds(message.header.stamp), image_from_message(message))
+            image, lens = image_from_message(message), self.lenses[side]
+            if lens is not None and image.shape != (lens.height, lens.width):
+                raise BadShape("image", image.shape, f"{(lens.height, lens.width)} of camera_info")
+            burst = self.assembler.add(side, stamp_seconds(message.header.stamp), image)
         except TtError as error:
-            self.status.tell(f"image of {SIDES[side]} refused: {error}", warn=True)
+            self.bad_images[side](error)
             return
         if burst is not None:
             self.on_burst(burst)
@@ -92,20 +107,22 @@ class EstimateNode(Node):
         last = float(burst.times[-1])
         alone = self.assembler.params.alone
         wanted = [SIDES.index(alone)] if alone else [0, 1]
-        cameras = [camera for camera in (self.cameras[side] for side in wanted) if camera is not None]
-        if len(cameras) < len(wanted):
+        lenses = [lens for lens in (self.lenses[side] for side in wanted) if lens is not None]
+        if len(lenses) < len(wanted):
             self._refuse("no camera_info yet", last)
             return
+        stacks, poses = (burst.left, burst.right), [self.poses[side] for side in wanted]
         try:
+            images, spots, cameras = zip(*map(Lens.straighten, lenses, stacks, burst.spots, poses), strict=True)
             result = measure(
-                burst.left,
-                None if alone else burst.right,
+                images[0],
+                None if alone else images[1],
                 burst.times,
                 cameras,
                 air=self.air,
                 lamps=self.lamps,
                 search=self.search,
-                spots=burst.spots[: len(wanted)],
+                spots=spots,
             )
         except TtError as error:
             self._refuse(str(error), last)
