@@ -315,7 +315,7 @@ def play(graph: Graph, fault: Fault, phase: str, result: Result) -> bool:
     hit = graph.until(lambda: watch.hit_since(over), RECOVERY)
     if fault.stops and (reaction := watch.reaction(began)) is not None:
         result.reactions.append(reaction)
-    wrong = [f"{name} ended, {code}" for name, code in graph.ended[before:] if name != fault.kills]
+    wrong = [f"{name} ended, {code}" for name, code in graph.ended[before:] if name in NODES and name != fault.kills]
     if missing := sorted(set(NODES) - graph.nodes.keys()):
         wrong.append(f"not running: {', '.join(missing)}")
     if bound := watch.broken():
@@ -340,10 +340,9 @@ def uncovered(graph: Graph) -> set[str]:
     return found - good_messages().keys() - {"/parameter_events"}
 
 
-def run(faults: Sequence[Fault], log: Path, told: Callable[[Result], None]) -> list[Result]:
-    """Inject all, those of one setting into one graph as long as it lives."""
-    results, made = [], settings(log)
-    for setting, make in made.items():
+def run(faults: Sequence[Fault], log: Path, told: Callable[[Result], None]) -> None:
+    """Inject all, those of one setting into one graph as long as it lives. told: takes each result."""
+    for setting, make in settings(log).items():
         wanted = [fault for fault in faults if fault.setting == setting]
         if isinstance(make, str):
             for fault in wanted:
@@ -362,11 +361,9 @@ def run(faults: Sequence[Fault], log: Path, told: Callable[[Result], None]) -> l
                     if not play(graph, fault, phase, result):
                         stack.close()
                         graph = None
-                results.append(result)
                 told(result)
             if graph is not None and setting == "plain" and (missing := uncovered(graph)):
-                results.append(Result(Fault(f"no fault is here for {', '.join(sorted(missing))}", graph.pause), 1, ["not covered"]))  # type: ignore[arg-type]
-    return results
+                told(Result(Fault(f"faults for {', '.join(sorted(missing))}", graph.pause), 1, ["there are none"]))  # type: ignore[arg-type]
 
 
 def table(results: Sequence[Result]) -> Table:
@@ -403,14 +400,18 @@ def main() -> None:
         faults = [replace(f, phases=("swing",)) for f in faults if f.quick]
     console, began = Console(width=200), time.monotonic()
 
+    results: list[Result] = []
+
     def told(result: Result) -> None:
+        results.append(result)
         console.print(
             f"{time.monotonic() - began:6.0f} s  {result.fault.name}: {'; '.join(result.failures) or 'survived'}", highlight=False
         )
 
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)  # recordings go here
-        results = run(faults, log, told)
+        with contextlib.suppress(KeyboardInterrupt):  # what is known so far is told
+            run(faults, log, told)
         os.chdir("/")
     console.print(table(results))
     times, failed = sum(r.times for r in results), sum(len(r.failures) for r in results)

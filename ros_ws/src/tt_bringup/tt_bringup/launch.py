@@ -205,7 +205,7 @@ class System:
         self._processes, self._tell = processes, tell
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
-        self._restarts: dict[Process, list[float]] = {}  # when each was started again, s, monotonic
+        self._restarts: dict[str, list[float]] = {}  # when each was started again, s, monotonic
         self._pending = 0  # restarts that wait for their delay
         # a child: it has ended; a process: to be started again; None: interrupted
         self._events: queue.SimpleQueue[subprocess.Popen[str] | Process | None] = queue.SimpleQueue()
@@ -267,7 +267,7 @@ class System:
 
     def _restart(self, process: Process, code: int) -> bool:
         """Start a process again that has ended with exit code `code`; False if it stays as it is."""
-        now, times = time.monotonic(), self._restarts.setdefault(process, [])
+        now, times = time.monotonic(), self._restarts.setdefault(process.name, [])
         often = sum(now - at < WITHIN for at in times) >= RESTARTS
         if often or code == REFUSED:
             why = f"it ended {RESTARTS + 1} times within {WITHIN:g} s" if often else "it would refuse its parameters again"
