@@ -29,6 +29,7 @@ from tt_core.ros.convert import joints_from_message, seconds, strokes_from_messa
 from tt_core.ros.inputs import Input
 from tt_core.ros.params import declare, parameter
 from tt_core.ros.qos import LATEST, NEWEST
+from tt_core.ros.refusals import Refusals
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 
@@ -85,15 +86,17 @@ class ArmNode(Node):
         self.commands = self.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", LATEST)
         self.states = Input(self, JointState, "/joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
-        self.candidates = Input(
+        self.refused_strokes = Refusals(self.status, "strokes")
+        candidates = Input(
             self,
             MultiDOFJointTrajectory,
             "/racket/strokes",
             self.on_strokes,
             LATEST,
             largest=LARGEST_STROKES,
-            refused=self.on_refused_strokes,
+            refused=self.refused_strokes,
         )
+        self.status.wait_for((self.states, candidates))
         self.clock_offset = check_range("clock_offset", parameter(self, "clock_offset", 0.002), 1e-4, 10.0)  # s, that clocks may differ by
         self.clocks = ClockMonitor(self, self.status, self.clock_offset)
         self.worst_clock = self.clocks.worst()
@@ -173,9 +176,6 @@ class ArmNode(Node):
         self.strokes = message
         self.arrival.set()
 
-    def on_refused_strokes(self, error: TtError) -> None:
-        self.status.tell(f"strokes refused: {error}", warn=True)
-
     def plan(self) -> None:
         """Take the newest strokes, again and again; the planning thread."""
         while True:
@@ -190,7 +190,7 @@ class ArmNode(Node):
             try:
                 self.take(message)
             except TtError as error:
-                self.on_refused_strokes(error)
+                self.refused_strokes(error)
             except Exception as error:  # a fault in planning is no reason to stop the servo
                 if not self.ending:
                     self.get_logger().error(f"planning failed: {type(error).__name__}: {error}", throttle_duration_sec=1.0)

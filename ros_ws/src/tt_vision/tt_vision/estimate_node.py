@@ -58,11 +58,14 @@ class EstimateNode(Node):
         answer_clock_pings(self)
         self.bad_infos = [Refusals(self.status, f"camera_info of {name}") for name in SIDES]
         self.bad_images = [Refusals(self.status, f"image of {name}") for name in SIDES]
+        inputs = list[Input]()
         for side, name in enumerate(SIDES):
             info, image = f"/camera/{name}/camera_info", f"/camera/{name}/image_raw"
             on_info, on_image = partial(self.on_info, side), partial(self.on_image, side)
-            Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side])
-            Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side])
+            inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side]))
+            inputs.append(Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side]))
+        alone = self.assembler.params.alone
+        self.status.wait_for(inputs if not alone else inputs[2 * SIDES.index(alone) :][:2])
 
     def _pose(self, name: str, camera: Camera) -> Camera:
         rotation = parameter(self, f"{name}.rotation", camera.rotation.ravel().tolist())
