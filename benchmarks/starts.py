@@ -1,7 +1,7 @@
 """Starts of all nodes, four at a time, interrupted at random moments of their first 10 s while both cores are busy. scripts/bench starts
 
---runs starts. Ends with exit code 1 unless every one ended in order: in time, with exit code 0 or by the signal itself, without a
-traceback, and without leaving a process.
+--runs starts, of which half are interrupted within 10 s after the node was made, while it spins. Ends with exit code 1 unless every one
+ended in order: in time, with exit code 0 or by the signal itself, without a traceback, and without leaving a process.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -42,16 +43,26 @@ NODES: dict[str, tuple[str, tuple[str, ...]]] = {
 AT_ONCE, LOADS = 4, 2
 MOMENTS = 10.0  # s from the start in which the signal comes
 BOUND, LONGEST = 3.0, 30.0  # s from the signal to the end: what is promised, and when it is killed
+READY = 60.0  # s, at most, for a node to be made
 MARK = "TT_STARTS"  # environment variable by which a start's processes are known
 
 
 @dataclass(frozen=True)
 class Start:
-    """One start. code: exit code. took: s from the signal to the end. left: processes that outlived it."""
+    """One start.
+
+    Attributes:
+        moment: When the signal is sent, s after the start, or if `made` after the node was made.
+        code: Exit code.
+        took: Time from the signal to the end, s.
+        left: How many processes outlived it.
+        printed: What it wrote to stderr.
+    """
 
     node: str
     sent: signal.Signals
     moment: float
+    made: bool
     code: int
     took: float
     left: int
@@ -66,13 +77,16 @@ class Start:
         return self.code in (0, -self.sent) and self.took < BOUND and not self.traceback and not self.left
 
 
-def start(node: str, sent: signal.Signals, moment: float) -> Start:
-    """Start a node, send the signal `moment` s later and see how it ends."""
+def start(node: str, sent: signal.Signals, moment: float, made: bool) -> Start:
+    """Start a node, wait until it is made if `made`, send the signal `moment` s later and see how it ends."""
     package, words = NODES[node]
     mark = str(uuid.uuid4())
     with tempfile.TemporaryDirectory() as folder, (Path(folder) / "stderr").open("w+") as stderr:
         command, environment = [str(packages.executable(package, node)), *words], {**os.environ, MARK: mark}
         process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=stderr)
+        end = time.monotonic() + READY
+        while made and not is_made(process) and time.monotonic() < end:
+            time.sleep(0.1)
         time.sleep(moment)
         began = time.monotonic()
         process.send_signal(sent)
@@ -84,7 +98,15 @@ def start(node: str, sent: signal.Signals, moment: float) -> Start:
         took = time.monotonic() - began
         left = leave(mark, began + max(BOUND, took))
         stderr.seek(0)
-        return Start(node, sent, moment, code, took, left, stderr.read())
+        return Start(node, sent, moment, made, code, took, left, stderr.read())
+
+
+def is_made(process: subprocess.Popen) -> bool:
+    """Whether the node has taken over SIGTERM, or has ended."""
+    if process.poll() is not None:
+        return True
+    caught = re.search(r"SigCgt:\s*(\w+)", Path(f"/proc/{process.pid}/status").read_text())
+    return caught is None or bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
 
 
 def leave(mark: str, until: float) -> int:
@@ -108,8 +130,10 @@ def main() -> None:
     free_domain()
     os.environ["ROS_LOG_DIR"] = tempfile.gettempdir()
     rng = random.Random(0)
-    nodes = itertools.cycle(NODES)
-    drawn = [(next(nodes), rng.choice((signal.SIGINT, signal.SIGTERM)), rng.uniform(0.0, MOMENTS)) for _ in range(args.runs)]
+    drawn = []
+    for node in itertools.islice(itertools.cycle(NODES), args.runs):
+        made = rng.random() < 0.5 and node != "enable"  # which never takes over the signals
+        drawn.append((node, rng.choice((signal.SIGINT, signal.SIGTERM)), rng.uniform(0.0, MOMENTS), made))
     with ExitStack() as stack:
         for _ in range(LOADS):
             load = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
@@ -126,8 +150,8 @@ def main() -> None:
     Console().print(table)
     wrong = [one for one in starts if not one.in_order]
     for one in wrong:
-        print(f"{one.node}, {one.sent.name} after {one.moment:.3f} s: exit code {one.code} in {one.took:.2f} s, {one.left} left")
-        print(one.printed)
+        when = f"{one.moment:.3f} s after it was {'made' if one.made else 'started'}"
+        print(f"{one.node}, {one.sent.name} {when}: exit code {one.code} in {one.took:.2f} s, {one.left} left\n{one.printed}")
     metrics = {
         "starts": float(len(starts)),
         "closed": float(sum(one.code == 0 for one in starts)),

@@ -90,7 +90,7 @@ def probe(ros):
 def until():
     """until(condition, node): spins `node` until the condition holds; fails after a bound."""
 
-    def until(condition, node, bound=30.0):
+    def until(condition, node, bound=60.0):
         end = time.monotonic() + bound
         while not condition():
             assert time.monotonic() < end, f"not within {bound} s"

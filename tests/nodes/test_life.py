@@ -23,9 +23,10 @@ from tt_core.ros.inputs import Input
 from tt_core.ros.qos import LATEST, RELIABLE
 from tt_core.ros.status import Status
 
-BAG = next((Path(__file__).parents[2] / "bags").glob("reference_*"))
+BAG = Path(__file__).parents[2] / "bags" / "reference_back_5"
 NODES = {
     "sim_node": ("tt_sim", ()),
+    "camera_node": ("tt_vision", ("--ros-args", "-p", "kind:=bag", "-p", f"path:={BAG}")),
     "estimate_node": ("tt_vision", ()),
     "predict_node": ("tt_predict", ()),
     "racket_node": ("tt_racket", ()),
@@ -33,33 +34,66 @@ NODES = {
     "record_node": ("tt_bringup", ("--ros-args", "-p", "output:=bag")),
     "play_node": ("tt_bringup", ("--ros-args", "-p", f"bag:={BAG}", "-p", "wait_for:=[/nothing]")),
 }
-AT_ONCE = 4
 
 
-@pytest.mark.parametrize("seed", range(len(NODES) // 2))
-def test_an_interrupt_ends_a_node_at_every_moment(ros, tmp_path, seed):
-    """From the start of Python to spinning; `scripts/bench starts` has more of it, with times."""
-    rng, running = random.Random(seed), []
-    for place, name in enumerate(rng.sample(list(NODES), AT_ONCE)):
+@pytest.fixture
+def execute(ros, tmp_path):
+    """execute(name) starts the executable of a node; what it prints on stderr is in its folder."""
+    running = []
+
+    def execute(name):
         package, arguments = NODES[name]
-        (folder := tmp_path / str(place)).mkdir()
-        program = packages.executable(package, name)
+        (folder := tmp_path / name).mkdir()
         with (folder / "stderr").open("w") as file:
-            process = subprocess.Popen([program, *arguments], cwd=folder, stderr=file, stdout=subprocess.DEVNULL)
-        # the first moments, when Python starts and imports, as often as all others
-        running.append((rng.uniform(0.0, rng.choice((0.3, 5.0))), rng.choice((signal.SIGINT, signal.SIGTERM)), process, folder / "stderr"))
+            command = [packages.executable(package, name), *arguments]
+            running.append(subprocess.Popen(command, cwd=folder, stderr=file, stdout=subprocess.DEVNULL))
+        return running[-1], folder / "stderr"
+
+    yield execute
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def is_made(process):
+    """Whether a node has taken over SIGTERM, as it does when it is made."""
+    caught = re.search(r"SigCgt:\s*(\w+)", Path(f"/proc/{process.pid}/status").read_text())
+    return bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def check_end(process, number, printed):
+    code = process.wait(timeout=10.0)
+    assert code in (0, -number), f"{process.args} by {number.name}: exit code {code}: {printed.read_text()}"
+    assert "Traceback" not in printed.read_text(), printed.read_text()
+    return code
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_an_interrupt_ends_a_node_while_it_starts(execute, seed):
+    """At moments from the start of Python on; `scripts/bench starts` has more of it, with times."""
+    rng = random.Random(seed)
+    running = [execute(name) for name in rng.sample(list(NODES), 4)]
     start = time.monotonic()
-    for moment, number, process, _ in sorted(running, key=lambda one: one[0]):
+    for moment, (process, printed) in zip(sorted(rng.uniform(0.0, 2.0) for _ in running), running, strict=True):
         time.sleep(max(0.0, start + moment - time.monotonic()))
+        number = rng.choice((signal.SIGINT, signal.SIGTERM))
         process.send_signal(number)
-    for moment, number, process, printed in running:
-        try:
-            code = process.wait(timeout=10.0)
-        finally:
-            process.kill()
-        case = f"{process.args} after {moment:.3f} s by {number.name}: {printed.read_text()}"
-        assert code in (0, -number), case
-        assert "Traceback" not in printed.read_text(), case
+        check_end(process, number, printed)
+
+
+@pytest.mark.timeout(300)  # s, of a busy machine; 10 s else
+def test_an_interrupt_ends_a_node_that_spins(execute):
+    """Closed, with exit code 0."""
+    rng = random.Random(0)
+    running = [execute(name) for name in NODES]
+    for process, printed in running:
+        end = time.monotonic() + 120.0
+        while not is_made(process):
+            assert time.monotonic() < end and process.poll() is None, printed.read_text()
+            time.sleep(0.05)
+        number = rng.choice((signal.SIGINT, signal.SIGTERM))
+        process.send_signal(number)
+        assert check_end(process, number, printed) == 0
 
 
 def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe, until):
@@ -171,3 +205,12 @@ def test_play_resumes_after_crashes(robot, probe, until):
     until(answer.done, probe)
     assert answer.result().success
     play(moves)
+
+
+def test_a_crash_in_a_thread_ends_the_node(ros, monkeypatch):
+    """As one in a callback does: it would not be started again otherwise."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    command = [sys.executable, "-m", "tt_core.start", "crashing_thread"]
+    node = subprocess.run(command, capture_output=True, text=True, timeout=100.0, check=False)
+    assert node.returncode == 1 and node.stdout == "closed\n", node
+    assert node.stderr.count("Traceback") == 1 and node.stderr.endswith("RuntimeError: a crash\n")

@@ -28,9 +28,11 @@ def run(make: Callable[[], Node]) -> None:
     """Spin one node until SIGINT or SIGTERM, call its `close` if it has one, then destroy it and its context.
 
     While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a
-    C callback. While `close` runs they wait; afterwards they end the process at once again. Threads of the node must end with its context.
+    C callback. While `close` runs they wait; afterwards they end the process at once again.
 
-    Bad parameters, a TtError raised by `make`, end the process with one clear line and exit code 2.
+    Bad parameters, a TtError raised by `make`, end the process with one clear line and exit code 2. An exception in a thread of the node
+    ends it as one in a callback does: after `close`, with exit code 1. Threads must end with the context; errors of a context that has
+    ended are not told.
 
     Args:
         make: Returns the node.
@@ -38,18 +40,28 @@ def run(make: Callable[[], Node]) -> None:
     default_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = _made(make)
-    gc.collect()  # a node that was refused goes here, with the threads of its participant
     if node is None:
+        gc.collect()  # what there is of the node goes, with the threads of its participant
         rclpy.try_shutdown()
         raise SystemExit(2)
-    gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
+    asked, crashes = Future(), list[threading.ExceptHookArgs]()
+
+    def on_thread_exception(crash: threading.ExceptHookArgs) -> None:
+        if rclpy.ok():
+            crashes.append(crash)
+            threading.__excepthook__(crash)
+            asked.set_result(None)
+
+    threading.excepthook = on_thread_exception
     try:
-        with _asked_to_end() as asked:
+        with _signals(asked):
             _spin(node, asked)
     finally:
         rclpy.try_shutdown()
         _join_threads()
         node.destroy_node()
+    if crashes:
+        raise SystemExit(1)
 
 
 def _made(make: Callable[[], Node]) -> Node | None:
@@ -61,6 +73,8 @@ def _made(make: Callable[[], Node]) -> Node | None:
 
 
 def _spin(node: Node, asked: Future) -> None:
+    gc.collect()
+    gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
     executor = EventsExecutor()
     try:
         executor.add_node(node)
@@ -74,9 +88,9 @@ def _spin(node: Node, asked: Future) -> None:
 
 
 @contextmanager
-def _asked_to_end() -> Iterator[Future]:
-    """A future that the first SIGINT or SIGTERM completes. A second one takes effect when the context is left."""
-    asked, received, (read, write) = Future(), list[int](), os.pipe()
+def _signals(asked: Future) -> Iterator[None]:
+    """The first SIGINT or SIGTERM completes `asked`. A second one takes effect when the context is left."""
+    received, (read, write) = list[int](), os.pipe()
 
     def wait() -> None:  # a thread, because Python's own handlers wait until the executor returns
         os.read(read, 1)
@@ -88,7 +102,7 @@ def _asked_to_end() -> Iterator[Future]:
         signal.signal(number, lambda number, _: received.append(number))
     threading.Thread(target=wait, name="signals", daemon=True).start()
     try:
-        yield asked
+        yield
     finally:
         signal.set_wakeup_fd(-1)
         os.close(write)
