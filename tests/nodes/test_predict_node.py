@@ -1,6 +1,7 @@
 """The node is wired: a state in, its path out, nonsense survived."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -57,6 +58,78 @@ def test_identified_coefficients_are_taken_and_the_covariance_is_told(start, pro
     # four digits are told
     assert np.array(json.loads(values["covariance"])) == pytest.approx(wanted, rel=1e-3, abs=1e-9 * np.abs(wanted).max())
     assert float(values["sigma_time_ms"]) == pytest.approx(1e3 * np.sqrt(wanted[0, 0]), abs=0.01)
+
+
+def state(**fields):
+    """A good state with other numbers: position, linear, angular of "x", pose or twist covariance of (index, number), stamp."""
+    message = ball_to_message(BallState.from_vector(BALL.time, BALL.vector, np.eye(9)))
+    pose, twist = message.pose, message.twist
+    for name, value in fields.items():
+        if name == "position":
+            pose.pose.position.x = value
+        elif name in ("linear", "angular"):
+            getattr(twist.twist, name).y = value
+        elif name in ("pose", "twist"):
+            getattr(message, name).covariance[value[0]] = value[1]
+        elif name == "stamp":
+            message.header.stamp.sec, message.header.stamp.nanosec = value
+        else:
+            setattr(message, name, value)
+    return message
+
+
+BAD_STATES = {  # and what the refusal names
+    "empty": (Odometry(), "frames"),
+    "NaN position": (state(position=math.nan), "position"),
+    "far": (state(position=1e17), "position = 1e+17"),
+    "infinite velocity": (state(linear=math.inf), "velocity"),
+    "fast": (state(linear=-1e300), "velocity = -1e+300"),
+    "spin": (state(angular=1e300), "spin = 1e+300"),
+    "NaN spin": (state(angular=math.nan), "spin"),
+    "NaN covariance": (state(pose=(0, math.nan)), "covariance of the pose"),
+    "infinite covariance": (state(twist=(35, math.inf)), "covariance of the twist"),
+    "huge covariance": (state(twist=(35, 1e300)), "covariance of the twist"),
+    "negative variance": (state(twist=(0, -1.0)), "negative variance"),
+    "not symmetric": (state(twist=(1, 0.5)), "not symmetric"),
+    "orientation": (state(pose=(35, -1.0)), "negative variance"),
+    "before 1970": (state(stamp=(-1, 0)), "stamp"),
+    "nanoseconds": (state(stamp=(0, 4 * 10**9)), "stamp"),
+    "end of time": (state(stamp=(2**31 - 1, 0)), "stamp"),
+    "other frame": (state(child_frame_id="racket"), "frames"),
+    "oversize": (state(child_frame_id="x" * 10**5), "size of a message"),
+}
+EXTREME_STATES = [
+    state(stamp=(0, 0)),
+    state(position=100.0),
+    state(position=-100.0),
+    state(linear=100.0, angular=3000.0),
+    state(linear=0.0, angular=0.0),
+    state(pose=(0, 1e12), twist=(35, 1e12)),
+]
+
+
+def test_it_lives_through_whatever_comes(start, probe, until):
+    """Each bad state is refused by name, states at the bounds are answered or refused, and the next good one is answered."""
+    start("tt_predict.predict_node")
+    got, told = [], []
+    probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(read_status(message)), RELIABLE)
+    out = probe.create_publisher(Odometry, "/ball/state", RELIABLE)
+    until(lambda: out.get_subscription_count() == 1 and probe.count_publishers("/diagnostics") == 1, probe)
+
+    def answers_the_next_state():
+        got.clear()
+        until(lambda: got or out.publish(ball_to_message(BALL)), probe)
+
+    for message, words in BAD_STATES.values():
+        told.clear()
+        until(lambda words=words, message=message: any(words in text for _, _, text, _ in told) or out.publish(message), probe)
+    answers_the_next_state()
+    for message in EXTREME_STATES:
+        out.publish(message)
+        answers_the_next_state()
+        for path in map(path_from_message, got):  # all that was published is within its bounds
+            assert np.isfinite(path.positions).all()
 
 
 @pytest.mark.parametrize(

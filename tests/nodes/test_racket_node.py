@@ -1,12 +1,16 @@
 """The node is wired: a path and a goal in, strokes out, nonsense survived."""
 
+import math
+
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.ros.convert import goal_to_message, path_to_message, strokes_from_message
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
+from tt_core.ros.status import read_status
 from tt_core.states import BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 
@@ -37,6 +41,94 @@ def test_a_path_and_a_goal_in_are_strokes_out(start, probe, until):
     rackets = strokes_from_message(got[-1])
     assert len(rackets) > 2
     assert all(racket.time > BALL.time for racket in rackets)
+
+
+def a_path():
+    return path_to_message(rollout(BALL, Physics.liu(), StopRule.at_x(-0.4)))
+
+
+def a_goal():
+    return goal_to_message(GOAL)
+
+
+def with_numbers(message, number, point=-1):
+    """The message with a number in the place, the velocity and the spin of one point."""
+    there, moving = message.points[point].transforms[0].translation, message.points[point].velocities[0]
+    there.x = there.y = moving.linear.x = moving.angular.z = number
+    return message
+
+
+def at(message, sec, nanosec=0, point=-1):
+    message.points[point].time_from_start.sec, message.points[point].time_from_start.nanosec = sec, nanosec
+    return message
+
+
+def stamped(message, sec, nanosec=0):
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    return message
+
+
+def with_points(message, points):
+    message.points = points
+    return message
+
+
+def without_transforms(message):
+    message.points[0].transforms = []
+    return message
+
+
+BAD = {  # for paths and goals, from a good message, and what the refusal names
+    "NaN": (lambda m: with_numbers(m, math.nan), "not finite"),
+    "infinite": (lambda m: with_numbers(m, -math.inf), "not finite"),
+    "1e17": (lambda m: with_numbers(m, 1e17), "1e+17"),
+    "no points": (lambda m: with_points(m, []), "and 0"),
+    "many points": (lambda m: with_points(m, list(m.points)[:1] * 2500), "number of points"),
+    "oversize": (lambda m: with_points(m, list(m.points)[:1] * 10**5), "size of a message"),
+    "no transforms": (without_transforms, "one transform"),
+    "late": (lambda m: at(m, 2**31 - 1), "time_from_start"),
+    "early": (lambda m: at(m, -(2**31)), "time_from_start"),
+    "before 1970": (lambda m: stamped(m, -1), "stamp"),
+    "nanoseconds": (lambda m: stamped(m, 0, 4 * 10**9), "stamp"),
+}
+BAD_PATHS = BAD | {"wrong order": (lambda m: with_points(m, list(m.points)[::-1]), "decrease")}
+BAD_GOALS = {name: case for name, case in BAD.items() if name != "many points"} | {
+    "two points": (lambda m: with_points(m, list(m.points) * 2), "number of points"),
+    "at once": (lambda m: at(m, 0), "flight_time"),
+    "too large": (lambda m: with_points(m, list(m.points) * 2500), "size of a message"),
+}
+EXTREME_PATHS = [
+    lambda m: stamped(m, 0),
+    lambda m: with_numbers(m, 100.0),
+    lambda m: with_points(m, list(m.points)[:1]),
+    lambda m: with_points(m, list(m.points)[:1] * 2000),  # of one time: bounces all
+    lambda m: at(m, 100),
+]
+
+
+def test_it_lives_through_whatever_comes(start, probe, until):
+    """Each bad path and goal is refused by name, paths at the bounds are answered or refused, and the next good path is answered."""
+    start("tt_racket.racket_node")
+    got, told = [], []
+    probe.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", got.append, LATEST)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(read_status(message)), RELIABLE)
+    goal = probe.create_publisher(MultiDOFJointTrajectory, "/return/goal", RELIABLE)  # volatile, as from a command line
+    out = probe.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
+    until(lambda: all(p.get_subscription_count() == 1 for p in (goal, out)) and probe.count_publishers("/diagnostics") == 1, probe)
+
+    def answers_the_next_path():
+        got.clear()
+        until(lambda: (got and strokes_from_message(got[-1])) or out.publish(a_path()), probe)
+
+    for publisher, make, cases in ((out, a_path, BAD_PATHS), (goal, a_goal, BAD_GOALS)):
+        for spoil, words in cases.values():
+            told.clear()
+            message = spoil(make())
+            until(lambda p=publisher, m=message, w=words: any(w in text for _, _, text, _ in told) or p.publish(m), probe)
+        answers_the_next_path()
+    for spoil in EXTREME_PATHS:
+        out.publish(spoil(a_path()))
+        answers_the_next_path()
 
 
 def test_a_bad_parameter_ends_it_with_the_reason(start):

@@ -11,14 +11,18 @@ from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.ros.convert import ball_from_message, path_to_message
+from tt_core.ros.inputs import Input
 from tt_core.ros.params import declare_physics, parameter
 from tt_core.ros.qos import RELIABLE
+from tt_core.ros.refusals import Refusals
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 from tt_core.states import BallState
 
-from .rollout import StopRule, rollout
+from .rollout import StopRule, rollout, thinned
 from .spread import spread
+
+LARGEST_STATE = 4096  # bytes: a state has 730
 
 
 class PredictNode(Node):
@@ -33,16 +37,17 @@ class PredictNode(Node):
         spread(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
         self.status = Status(self)
         self.path = self.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
-        self.create_subscription(Odometry, "/ball/state", self.on_ball, RELIABLE)
+        self.refused = Refusals(self.status, "state")
+        Input(self, Odometry, "/ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
 
     def on_ball(self, message: Odometry) -> None:
         try:
             ball = ball_from_message(message)
+            path = rollout(ball, self.physics, self.stop)
+            self.path.publish(path_to_message(thinned(path)))
         except TtError as error:
-            self.status.tell(f"state refused: {error}", warn=True)
+            self.refused(error)
             return
-        path = rollout(ball, self.physics, self.stop)
-        self.path.publish(path_to_message(path))
         self.status.tell("path", stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
 
     def at_end(self, ball: BallState) -> dict[str, Any]:

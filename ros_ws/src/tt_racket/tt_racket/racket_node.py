@@ -7,8 +7,10 @@ from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
+from tt_core.ros.inputs import Input
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
+from tt_core.ros.refusals import Refusals
 from tt_core.ros.run import run
 from tt_core.ros.status import Status
 from tt_core.states import BallPath, BallState, ReturnGoal
@@ -18,6 +20,9 @@ from .intercept import InterceptParams, intercept
 from .sensitivity import ErrorParams, landing_spread
 from .stroke import solve
 from .trade import TradeParams
+
+LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
+LARGEST_GOAL = 4096  # bytes: one point has 200
 
 
 class RacketNode(Node):
@@ -37,25 +42,27 @@ class RacketNode(Node):
         landing_spread(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)
         self.status = Status(self)
         self.strokes = self.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
-        self.create_subscription(MultiDOFJointTrajectory, "/return/goal", self.on_goal, LATCHED)
-        self.create_subscription(MultiDOFJointTrajectory, "/ball/path", self.on_path, RELIABLE)
+        self.bad_goals, self.bad_paths = Refusals(self.status, "goal"), Refusals(self.status, "path")
+        kind = MultiDOFJointTrajectory
+        Input(self, kind, "/return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
+        Input(self, kind, "/ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
         try:
             self.goal = goal_from_message(message)
         except TtError as error:
-            self.status.tell(f"goal refused: {error}", warn=True)
+            self.bad_goals(error)
 
     def on_path(self, message: MultiDOFJointTrajectory) -> None:
         try:
             path = path_from_message(message)
+            goal = self.goal or answer(path.spins[0], self.goal_params)
+            found = intercept(path, goal, self.physics, self.params, self.trade, self.errors)
+            rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
+            self.strokes.publish(strokes_to_message(rackets, path.times[0]))
         except TtError as error:
-            self.status.tell(f"path refused: {error}", warn=True)
+            self.bad_paths(error)
             return
-        goal = self.goal or answer(path.spins[0], self.goal_params)
-        found = intercept(path, goal, self.physics, self.params, self.trade, self.errors)
-        rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
-        self.strokes.publish(strokes_to_message(rackets, path.times[0]))
         why = sorted({reason for _, reason in found.refused}) or ["the path has no point in the window"] * (not rackets)
         given = found.given[0] if found.given else ""
         self.status.tell("strokes", stamp=path.times[0], warn=not rackets, found=len(rackets), given=given, refused="; ".join(why))
