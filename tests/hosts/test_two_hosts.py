@@ -19,20 +19,27 @@ NEXT = 30.0  # s, room for 15 balls
 RESULTS = {("predict", "path"): "/ball/path", ("racket", "strokes"): "/racket/strokes"}  # by the node and the word that tell of them
 
 
-def play(session):
-    """(hits of BALLS balls, latencies in ms)."""
+def series(session, begun):
+    """Hits of each BALLS balls in a row that ended after `begun` (s)."""
+    hits = [is_hit(ball) for ball in session.balls(begun)]
+    return [sum(hits[i : i + BALLS]) for i in range(len(hits) - BALLS + 1)]
+
+
+def first_hit(session):
+    """Wait for it; return the time (s) when that ball was over."""
     session.wait(lambda: any(map(is_hit, session.balls())), START, "a hit")
-    begun = session.balls()[-1].time
-    session.wait(lambda: len(session.balls(begun)) >= BALLS, NEXT, f"{BALLS} balls")
-    return sum(map(is_hit, session.balls(begun)[:BALLS])), session.latencies(begun)
+    return session.balls()[-1].time
 
 
 @pytest.fixture(scope="module")
 def alone(machines, tmp_path_factory):
+    """(hits of BALLS balls on one machine, latencies in ms)."""
     one, _, domain = machines
     folder = tmp_path_factory.mktemp("one")
     with one_host(one, folder, domain, folder / "bag", RATE) as session:
-        return play(session)
+        begun = first_hit(session)
+        session.wait(lambda: bool(series(session, begun)), NEXT, f"{BALLS} balls")
+        return series(session, begun)[0], session.latencies(begun)
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +52,13 @@ def pair(alone, machines, tmp_path_factory):
 
 
 def test_two_machines_play_as_one_does(alone, pair, capsys):
-    hits, latencies = play(pair[0])
-    added = np.median(latencies) - np.median(alone[1])
+    session, (hits, latencies) = pair[0], alone
+    begun = first_hit(session)
+    # As often as on one machine, less one; a series more where another program has just taken the cores.
+    session.wait(lambda: max(series(session, begun), default=0) >= hits - 1, 2 * NEXT, f"{hits - 1} hits of {BALLS} balls")
+    added = np.median(session.latencies(begun)) - np.median(latencies)
     with capsys.disabled():
-        print(f"\none machine: {alone[0]} of {BALLS} hit; two: {hits}; latency added by the network, median: {added:.1f} ms")
-    # A machine with other work to do misses balls on one host, too. benchmarks/hosts.py compares more of them.
-    assert hits >= min(alone[0], BALLS) - 2 and latencies
+        print(f"\nhits of {BALLS} balls on one machine: {hits}, on two: {series(session, begun)}; median latency added: {added:.1f} ms")
 
 
 def test_the_clocks_agree(pair):

@@ -2,7 +2,7 @@
 
 The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `set_env`, `node` and `executable` with
 the keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname), $(not-equals A B) and
-$(and A B), whose operands may be quoted or substitutions themselves. https://github.com/ros2/launch
+$(and A B), whose operands may be substitutions themselves. https://github.com/ros2/launch
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _KEYS = {
     "node": _SHARED | {"pkg", "exec", "namespace", "param", "remap", "args"},
     "executable": _SHARED | {"cmd"},
 }
-_OPERAND = re.compile(r"'[^']*'|\$\([\w-]+(?: +[^\s()]+)*\)|[^\s()']+")
+_OPERAND = re.compile(r"\$\([\w-]+(?: +[^\s()]+)*\)|[^\s()]+")
 _SUBSTITUTION = re.compile(rf"\$\(([\w-]+)((?: +(?:{_OPERAND.pattern}))*)\)")
 
 
@@ -117,7 +117,7 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
         if word == "dirname":
             return quote(str(folder))
         if word in ("not-equals", "and") and len(given) == 2:
-            left, right = (o.strip("'") if o.startswith("'") else substitute(o, values, folder) for o in given)
+            left, right = (substitute(operand, values, folder) for operand in given)
             return str(left != right if word == "not-equals" else is_true(left) and is_true(right)).lower()
         raise LaunchError(f"{match[0]} has no value here")
 

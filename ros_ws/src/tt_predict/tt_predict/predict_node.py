@@ -38,7 +38,8 @@ class PredictNode(Node):
         self.status = Status(self)
         self.path = self.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
         self.refused = Refusals(self.status, "state")
-        Input(self, Odometry, "/ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
+        states = Input(self, Odometry, "/ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
+        self.status.wait_for([states])
 
     def on_ball(self, message: Odometry) -> None:
         try:

@@ -45,7 +45,8 @@ class RacketNode(Node):
         self.bad_goals, self.bad_paths = Refusals(self.status, "goal"), Refusals(self.status, "path")
         kind = MultiDOFJointTrajectory
         Input(self, kind, "/return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
-        Input(self, kind, "/ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
+        paths = Input(self, kind, "/ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
+        self.status.wait_for([paths])
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
         try:
