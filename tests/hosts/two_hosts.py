@@ -60,10 +60,11 @@ class Machine:
             _call(*self.inside("tc", "qdisc", "del", *queue))
 
 
-def _call(*words: str) -> None:
+def _call(*words: str) -> str:
     done = subprocess.run(words, capture_output=True, text=True, timeout=10.0, check=False)
     if done.returncode:
         raise NotPossible(f"{' '.join(words)}: {done.stderr.strip()}")
+    return done.stdout
 
 
 @contextmanager
@@ -83,7 +84,17 @@ def two_machines() -> Iterator[tuple[Machine, Machine]]:
             _call(*machine.inside("ip", "link", "set", "lo", "up"))
             _call(*machine.inside("ip", "address", "add", f"{machine.address}/24", "dev", CABLE))
             machine.plug()
+        _until(lambda: all("state UP" in _call(*machine.inside("ip", "link", "show", CABLE)) for machine in machines))
         yield one, other
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    """Wait until the kernel calls the cable running, up to a second after it was put in; DDS uses no interface that is not."""
+    end = time.monotonic() + 10.0
+    while not condition():
+        if time.monotonic() > end:
+            raise NotPossible("the cable does not come up within 10 s")
+        time.sleep(0.05)
 
 
 def _holder(stack: ExitStack) -> int:
