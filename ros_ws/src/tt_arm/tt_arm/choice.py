@@ -87,7 +87,8 @@ def choose(
         # at the last in time at any price; the search knows what the jerk limit takes only nearly, hence a quarter
         for spare, weight in ((params.spare, reaching.return_weight), (0.25 * params.spare, 0.0)):
             time = min(10.0, max(0.05, left - spare))
-            given = replace(reaching, swing_time=time, acceleration=limits.acceleration, return_weight=weight)
+            timeout = limits.command_timeout
+            given = replace(reaching, swing_time=time, acceleration=limits.acceleration, return_weight=weight, command_timeout=timeout)
             target = reach(model, racket, start.q, given, qdot=start.qdot, method=params.method)
             swing, earliest, reason = strike(model, start, target, racket.time, limits)
             if swing is not None or earliest - racket.time > HOPELESS:

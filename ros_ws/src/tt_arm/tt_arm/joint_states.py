@@ -32,7 +32,7 @@ class JointStateParams:
 
     silence: float = 0.020  # s without a valid joint state after which the arm brakes; the node looks each 2.5 ms
     periods: float = 3.0  # of the joint states, which the same may last where they are slower
-    late: float = 0.03  # s, that a joint state may be old when it comes
+    late: float = 0.1  # s, that a joint state may be old when it comes; a busy machine delays some by 50 ms
     ahead: float = 0.005  # s, that its stamp may be ahead of the clock
     overspeed: float = 1.2  # times a speed limit, for what two positions may differ by
     difference: float = 0.010  # s, over which positions are differentiated where a driver sends no speeds

@@ -94,12 +94,15 @@ def _wind(q: Array, seed: Array, limits: Array) -> float:
 
 
 @njit(cache=True)
-def _beyond(q: Array, qdot: Array, limits: Array, margin: float, acceleration: float) -> float:
-    """Cost of what lies beyond the room kept from the position limits, to brake in."""
+def _beyond(q: Array, qdot: Array, limits: Array, margin: float, acceleration: float, hold: float) -> float:
+    """Cost of what lies beyond the room kept from the position limits, to brake in; at once, or after a drive has held its speed for
+    `hold` (s)."""
     cost = 0.0
     for i in range(7):
         room = min(qdot[i] ** 2 / (2.0 * acceleration), 0.2 * (limits[i, 1] - limits[i, 0])) + margin
         cost += LIMIT_COST * max(0.0, limits[i, 0] + room - q[i], q[i] - limits[i, 1] + room)
+        stop = q[i] + hold * qdot[i] + 0.5 * qdot[i] * abs(qdot[i]) / acceleration
+        cost += LIMIT_COST * max(0.0, limits[i, 0] - stop, stop - limits[i, 1])
     return cost
 
 
@@ -149,7 +152,7 @@ def _posture(
         return math.inf
     acceleration, waits = weights[1], seed[2]
     qdot[:] = 0.0
-    least, late, back = _beyond(q, qdot, limits, weights[4], acceleration), 0, 0.0
+    least, late, back = _beyond(q, qdot, limits, weights[4], acceleration, weights[6]), 0, 0.0
     while weights[0] * LATER[late] < nearest:
         late += 1
     for i in range(7):
@@ -205,7 +208,7 @@ def _posture(
             if abs(missing) > 1e-6:  # singular
                 return best
         cost = LATE_COST * late + weights[5] * back + _largest(given) + weights[3] * turning(rows, mixed)
-        cost += _beyond(q, mixed, limits, weights[4], acceleration)
+        cost += _beyond(q, mixed, limits, weights[4], acceleration, weights[6])
         if cost < best:
             best = cost
             qdot[:] = mixed

@@ -36,6 +36,7 @@ class ReachParams:
     turning_weight: float = 0.03  # s/rad, cost of the rate at which the face normal turns, against the share spent
     margin: float = 0.03  # rad, kept from the position limits, beside the room to brake
     return_weight: float = 5.0  # 1/s, cost of the time from the strike until the arm waits again, against the share spent
+    command_timeout: float = 0.1  # s, for which a drive may hold its speed before it brakes; `choose` sets that of the swing
     grid: int = 12  # values of each freedom at the start of the search
 
     def __post_init__(self) -> None:
@@ -45,6 +46,7 @@ class ReachParams:
         check_range("turning_weight", self.turning_weight, 0.0, 100.0)
         check_range("margin", self.margin, 0.0, 0.5)
         check_range("return_weight", self.return_weight, 0.0, 1000.0)
+        check_range("command_timeout", self.command_timeout, 0.0, 10.0)
         check_range("grid", self.grid, 4, 64)
 
 
@@ -169,9 +171,8 @@ def reach(
     if method == "best":
         params = params or ReachParams()
         limits = np.column_stack([model.position_limits, speed])
-        weights = np.array(
-            [params.swing_time, params.acceleration, params.affordable, params.turning_weight, params.margin, params.return_weight]
-        )
+        turning, back, hold = params.turning_weight, params.return_weight, params.command_timeout
+        weights = np.array([params.swing_time, params.acceleration, params.affordable, turning, params.margin, back, hold])
         start = np.array([seed, np.zeros(7) if qdot is None else check_array("qdot", qdot, (7,)), model.waiting])
         for finer in (1, FINER):
             cost, q, qdot = search(position, racket.rotation, velocity, start, limits, weights, finer * params.grid, model.chain)
