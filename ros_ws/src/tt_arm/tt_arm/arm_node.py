@@ -44,6 +44,7 @@ from .servo import ServoParams
 from .stops import ArmStop
 from .swing import Joints, SwingLimits
 
+NICE = -10  # priority: nothing but hardware is more urgent
 WATCH = 0.0025  # s between two looks whether joint states have ceased
 LOOK = 0.25  # s between two looks at who else publishes commands or joint states
 TICK = 0.002  # s between the last commands of a node that ends
@@ -283,7 +284,7 @@ class ArmNode(Node):
 
 
 def main() -> None:
-    run(ArmNode)
+    run(ArmNode, nice=NICE)
 
 
 if __name__ == "__main__":

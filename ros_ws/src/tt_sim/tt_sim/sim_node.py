@@ -59,6 +59,7 @@ from .wide import WideWatch
 CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
 QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
+NICE = -10  # priority: hardware does not wait for a busy machine
 SLEW = 2e-6  # s, by which the stamps are brought nearer to the system's clock in a tick; in a second that is 1 ms
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
@@ -322,7 +323,7 @@ def heard(publisher: Publisher) -> bool:
 
 
 def main() -> None:
-    run(SimNode)
+    run(SimNode, nice=NICE)
 
 
 if __name__ == "__main__":

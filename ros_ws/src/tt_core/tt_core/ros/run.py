@@ -24,7 +24,7 @@ from ..start import SIGNALS, default_signals
 THREADS = 1.0  # s for the threads of a node to end after its context
 
 
-def run(make: Callable[[], Node]) -> None:
+def run(make: Callable[[], Node], *, nice: int = 0) -> None:
     """Spin one node until SIGINT or SIGTERM, call its `close` if it has one, then destroy it and its context.
 
     While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a
@@ -36,8 +36,12 @@ def run(make: Callable[[], Node]) -> None:
 
     Args:
         make: Returns the node.
+        nice: Priority of the process, below 0 for one that must answer in time on a busy machine. Where the system does not permit it
+            (`ulimit -e`), the process tells so and runs at the usual one.
     """
     default_signals()
+    if nice:
+        _prioritize(nice)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = _made(make)
     if node is None:
@@ -62,6 +66,14 @@ def run(make: Callable[[], Node]) -> None:
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
+
+
+def _prioritize(nice: int) -> None:
+    """Before any thread is started: they inherit it."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
+    except PermissionError:
+        print(f"no permission for priority {nice} (ulimit -e): on a busy machine answers may come late", file=sys.stderr)
 
 
 def _made(make: Callable[[], Node]) -> Node | None:
