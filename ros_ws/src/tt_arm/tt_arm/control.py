@@ -42,8 +42,9 @@ class ControlParams:
     rejoin: float = 0.03  # rad off the path, above which the swing is given up after a gap in the joint states
     horizon: float = 3.0  # s, a strike further ahead than this is refused
     patience: float = 0.1  # s, for which commands are cut without a pause before their path is given up
-    failures: int = 3  # paths given up within `failure_window` because the arm did not follow, which latch
+    failures: int = 3  # paths given up within `failure_window` because the arm did not follow, after which it rests for `pause`
     failure_window: float = 1.0  # s
+    pause: float = 1.0  # s, after which it tries again, slowly as after enabling
     first_speed: float = 0.15  # share of the speed limits for the first motion after enabling
 
     def __post_init__(self) -> None:
@@ -57,6 +58,7 @@ class ControlParams:
         check_range("patience", self.patience, 0.0, 10.0)
         check_range("failures", self.failures, 1, 100)
         check_range("failure_window", self.failure_window, 0.01, 100.0)
+        check_range("pause", self.pause, 0.0, 100.0)
         check_range("first_speed", self.first_speed, 0.01, 1.0)
 
 
@@ -113,6 +115,7 @@ class ArmControl:
         self._cut_since: float | None = None
         self._rest: Failure | None = None  # why the arm comes to rest before it plans anew
         self._given_up: deque[float] = deque(maxlen=self.params.failures)  # s, when paths were, because the arm did not follow
+        self._pause: tuple[Failure, float] | None = None  # why the arm rests for a while, and until when (s, monotonic)
         self._begin = -np.inf  # s, the strike before the coming one, which no newer swing may touch
         self._before = self._ball = -np.inf  # s, when the ball before this one, and this one, can be hit first
         self._lock, self._stops = threading.Lock(), 0  # how often the swing was given up
@@ -125,7 +128,7 @@ class ArmControl:
             self.guard.reset()
             self._arriving = True
             self._given_up.clear()
-            self._rest = None
+            self._rest = self._pause = None
 
     @property
     def speed_scale(self) -> float:
@@ -165,10 +168,11 @@ class ArmControl:
         if isinstance(accepted, Failure):
             return self.refuse(now, accepted)
         self.joints = joints = accepted
-        self.guard.look(joints)
-        stopped = self.stopped_by
+        damage = self.guard.look(joints, self.states.gap)
+        stopped = self.stopped_by or damage or self._paused(now)
         if stopped is not None:
             self._forget()
+            self._arriving = self._arriving or damage is not None
             return Step(self.guard.stop(now, joints), stopped)
         interrupted = self.states.gap and self._resume(joints)
         if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
@@ -278,7 +282,7 @@ class ArmControl:
             try:
                 self.swing = plan(self.model, joints, None, joints.time, self._limits)
             except TtError as error:
-                return Step(self.guard.stop(now, joints), self._does_not_follow(joints.time, error))
+                return Step(self.guard.stop(now, joints), self._does_not_follow(now, error))
         wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
         command, cut = self.guard.check(joints, wanted, now, planned)
@@ -286,7 +290,7 @@ class ArmControl:
             self._cut_since = None
         elif self._is_spoilt(cut, joints.time):
             interrupted = interrupted or self.stroke is not None
-            cut = self._does_not_follow(joints.time, cut)
+            cut = self._does_not_follow(now, cut)
         return Step(command, cut, begun, interrupted)
 
     def _is_spoilt(self, cut: Failure, time: float) -> bool:
@@ -295,17 +299,24 @@ class ArmControl:
         limits = ArmStop.SPEED_CUT, ArmStop.POSITION_CUT, ArmStop.ACCELERATION_CUT
         return cut.code not in limits or time - self._cut_since > self.params.patience
 
-    def _does_not_follow(self, time: float, last: object) -> Failure:
-        """Give up the path; when that happens again and again a person has to look."""
+    def _does_not_follow(self, now: float, last: object) -> Failure:
+        """Give up the path; when that happens again and again the arm rests for a while, and tries slowly."""
         self._give_up()
         self._cut_since = None
-        self._given_up.append(time)
+        self._given_up.append(now)
         count, window = self.params.failures, self.params.failure_window
         failure = Failure(ArmStop.NOT_FOLLOWING, count=len(self._given_up), window=window, last=last)
-        if len(self._given_up) == count and 0.0 <= time - self._given_up[0] <= window:
-            self.guard.latched = failure
-        self._rest = last if isinstance(last, Failure) and self.guard.latched is None else failure
+        if len(self._given_up) == count and now - self._given_up[0] <= window:
+            self._pause, self._arriving = (failure, now + self.params.pause), True
+            self._given_up.clear()
+        self._rest = last if isinstance(last, Failure) and self._pause is None else failure
         return self._rest
+
+    def _paused(self, now: float) -> Failure | None:
+        """Why the arm rests for a while."""
+        if self._pause is not None and now >= self._pause[1]:
+            self._pause = None
+        return None if self._pause is None else self._pause[0]
 
     def _off_path(self, swing: Swing, joints: Joints) -> float:
         """rad, the largest distance of a joint from where the swing has it."""

@@ -66,7 +66,7 @@ class Guard:
         self.latched = None
         self._time: float | None = None  # s, of the joint state that the last command answered
         self._stopping = False  # whether the last command was one of a stop
-        self._damaged, self._damaged_since = 0, 0.0
+        self._damaged, self._damaged_since, self._found = 0, 0.0, False  # joint states in a row that show damage, since when, from a gap on
 
     @property
     def last(self) -> Array:
@@ -78,16 +78,25 @@ class Guard:
         speed = self._model.speed_limits
         self._last, self._time = np.clip(qdot, -speed, speed), None
 
-    def look(self, joints: Joints) -> None:
-        """Latch when the joint state shows damage, for `persistence` s without a pause."""
+    def look(self, joints: Joints, after_gap: bool = False) -> Failure | None:
+        """Return the damage that the joint state shows, and latch it once it has lasted for `persistence` s without a pause.
+
+        Args:
+            joints: As measured, accepted by `JointStateCheck`.
+            after_gap: Whether joint states were missing before this one. Damage that is there with the first one latches nothing: nobody
+                has seen the arm come there, and the driver may name its joints wrongly. It stops the arm as long as it is measured.
+        """
         failure = self._damage(joints)
         if failure is None:
             self._damaged = 0
-            return
-        self._damaged_since = self._damaged_since if self._damaged else joints.time
+            return None
+        if self._damaged == 0:
+            self._damaged_since, self._found = joints.time, after_gap
         self._damaged += 1
-        if self._damaged >= LEAST_SIGHTINGS and joints.time - self._damaged_since >= self._params.persistence:
+        lasts = self._damaged >= LEAST_SIGHTINGS and joints.time - self._damaged_since >= self._params.persistence
+        if lasts and not self._found:
             self.latched = self.latched or failure
+        return failure if lasts or self._found else None
 
     def check(self, joints: Joints, command: Array, now: float, planned: float | None = None) -> tuple[Array, Failure | None]:
         """Return the command (7,) rad/s that may leave, and why it is another one, if it is.

@@ -60,7 +60,7 @@ class JointStateCheck:
         self._model, self.params = model, params or JointStateParams()
         self.last: Joints | None = None
         self.gap = True
-        self._arrived = -math.inf  # s, monotonic, when `last` came
+        self._arrived = self._heard = -math.inf  # s, monotonic, when `last` came, and when any joint state did
         self._periods: deque[float] = deque(maxlen=WINDOW)
         self._positions: deque[tuple[float, Array]] = deque(maxlen=1000)  # of the last `difference` s, without a gap
 
@@ -84,7 +84,8 @@ class JointStateCheck:
             clock: s, what the clock of the stamps showed then; None where there is no such clock.
             has_speeds: False where the driver sends no speeds. They are then differences of positions.
         """
-        failure = self._impossible(joints) or self._untimely(joints, clock) or self._jumped(joints, now, clock)
+        silent, self._heard = now - self._heard > self.deadline, now
+        failure = self._impossible(joints) or self._untimely(joints, clock) or (None if silent else self._jumped(joints, now))
         if failure is not None:
             return failure
         last, deadline = self.last, self.deadline
@@ -122,10 +123,10 @@ class JointStateCheck:
             return Failure(ArmStop.NOT_NEWER, stamp=joints.time, last=last.time)
         return None
 
-    def _jumped(self, joints: Joints, now: float, clock: float | None) -> Failure | None:
-        """Further from the last one than the joints can move; after a pause the arm may have been moved."""
+    def _jumped(self, joints: Joints, now: float) -> Failure | None:
+        """Further from the last one than the joints can move since then; after silence the arm may have been moved by other means."""
         last = self.last
-        if last is None or now - self._arrived > self.deadline:
+        if last is None:
             return None
         passed = max(joints.time - last.time, now - self._arrived, 0.0)
         moved, possible = np.abs(joints.q - last.q), self.params.overspeed * self._model.speed_limits * passed + JUMP

@@ -25,7 +25,6 @@ class ArmStop(Enum):
     BEYOND_LIMIT = "joint {joint} is {value:.3f} rad beyond its limit, at most {bound:g} rad tolerated"
     OVERSPEED = "joint {joint} moves at {value:.2f} times its speed limit, at most {bound:g} tolerated"
     CONTACT = "the arm touches {obstacle}"
-    NOT_FOLLOWING = "gave up {count} paths within {window:g} s; the last time: {last}"
     INTERNAL = "internal error: {error}"
     # cuts of the guard
     BROKEN_COMMAND = "command is not {count} finite numbers: {command}"
@@ -33,6 +32,7 @@ class ArmStop(Enum):
     POSITION_CUT = "position limit: {joints}"
     ACCELERATION_CUT = "acceleration limit: {joints}"
     NEAR = "braking would end {left:.0f} mm from {obstacle}, {bound:.0f} mm wanted"
+    NOT_FOLLOWING = "gave up {count} paths within {window:g} s, rests and tries again; the last time: {last}"
     OLD_PLAN = "the plan is {age:.2f} s old, at most {bound:g} s allowed"
     # others
     SLOWING = "slowing down to {scale:g} of the speed limits"
