@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from broken import broken, kinds
-from graph import PHASES, RECOVERY, Graph
+from graph import NODES, PHASES, RECOVERY, Graph
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from report import report
 from rich.console import Console
@@ -48,7 +48,6 @@ from tt_core.ros.convert import (
 from tt_core.states import BallPath, BallState, RacketState, ReturnGoal
 from tt_vision.rig import high_speed_pair
 
-NODES = ("sim", "estimate", "predict", "racket", "arm", "record")
 FREEZES = (0.05, 0.3, 2.0)  # s
 LONG = 2.0  # s, for which broken messages come
 RATE = 50.0  # 1/s, of broken messages; those of more than LARGE bytes come twice a second

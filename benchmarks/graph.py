@@ -41,6 +41,7 @@ RESTS = 0.02  # rad/s, below which it rests
 NEAR = 0.15  # m from the ball to the racket: 30 ms before the strike
 BEGUN = 1.6  # m in x: a ball that is nearer to the robot has been measured
 THROUGH = "/through"  # before the name of a topic that a relay passes on
+NODES = ("sim", "estimate", "predict", "racket", "arm", "record")  # that are to live as long as the graph
 PHASES = ("waiting", "launched", "swing", "strike", "back")
 
 
