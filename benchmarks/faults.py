@@ -32,6 +32,7 @@ from report import report
 from rich.console import Console
 from rich.table import Table
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import TimeReference
 from std_msgs.msg import Float64MultiArray
 from tt_arm.model import ArmModel
 from tt_bringup.demo import free_domain
@@ -72,6 +73,8 @@ def good_messages() -> dict[str, tuple[Any, str | None]]:
         found[f"/camera/{name}/image_raw"] = image_to_message(image, now, f"{name}_optical"), None
         info = camera_to_message(camera.width, camera.height, camera.matrix, camera.distortion, f"{name}_optical", now)
         found[f"/camera/{name}/camera_info"] = info, None
+    ping, pong = TimeReference(source="estimate"), TimeReference(source="sim", time_ref=stamp(now))
+    ping.header.stamp, pong.header.stamp, pong.header.frame_id = stamp(now), stamp(now), "estimate"
     return {
         **found,
         "/ball/measured": (ball_to_message(ball), "estimate"),
@@ -80,6 +83,8 @@ def good_messages() -> dict[str, tuple[Any, str | None]]:
         "/racket/strokes": (strokes_to_message([racket], now), "racket"),
         "/joint_states": (joints_to_message(arm.names, now, arm.waiting, np.zeros(7)), "sim"),
         "/arm_velocity_controller/commands": (Float64MultiArray(data=[0.1] * 7), "arm"),
+        "/clock_offset/ping": (ping, None),
+        "/clock_offset/pong": (pong, None),
         "/clock": (Clock(clock=stamp(now)), "sim"),
     }
 
