@@ -286,7 +286,8 @@ def settings(log: Path) -> dict[str, Callable[[], Graph] | str]:
     relayed = {topic: (publisher, type(m)) for topic, (m, publisher) in good.items() if publisher and topic != "/clock"}
     clock = {"/clock": ("sim", Clock)}
     own = OWN in os.environ
-    tiny = ("unshare", "-m", "sh", "-c", 'mkdir -p bags && mount -t tmpfs -o size=16m tmpfs bags && exec "$@"', "sh")
+    # the recorder keeps 64 MB free: 30 MB take ten seconds
+    tiny = ("unshare", "-m", "sh", "-c", 'mkdir -p bags && mount -t tmpfs -o size=96m tmpfs bags && exec "$@"', "sh")
     slow = ("strace", "-f", "-qq", "--seccomp-bpf", "-o", "/dev/null", "-e", "trace=write", "-e", "inject=write:delay_enter=50000")
     no_mount = "mounting is not permitted here"
     return {
