@@ -319,10 +319,15 @@ class Graph:
             self.signal(name, signal.SIGCONT)
 
     def enable(self) -> bool:
-        """Call /arm/enable, as the person beside the robot does."""
-        if not self.until(self.watch.enabler.service_is_ready, RECOVERY):
-            return False
-        return self.until(self.watch.enabler.call_async(SetBool.Request(data=True)).done, 10.0)
+        """Call /arm/enable, as the person beside the robot does, until it answers; a node that was killed is known for seconds yet."""
+        end = time.monotonic() + RECOVERY
+        while time.monotonic() < end:
+            if self.until(self.watch.enabler.service_is_ready, 2.0):
+                answer = self.watch.enabler.call_async(SetBool.Request(data=True))
+                if self.until(answer.done, 2.0):
+                    return bool(answer.result().success)
+                self.watch.enabler.remove_pending_request(answer)
+        return False
 
 
 def send(pid: int | None, number: signal.Signals) -> None:
