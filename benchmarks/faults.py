@@ -153,6 +153,7 @@ def sole_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None]:
 
     def inject(graph: Graph) -> None:
         make, relay, last = kinds(good)[name], graph.relays[topic], [0.0]
+        ready = broken(make, good, time.time()) if name == "oversize" else None  # takes a second
         relay.passed = 0
 
         def change(message: Any) -> Any:
@@ -160,6 +161,7 @@ def sole_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None]:
                 if time.monotonic() - last[0] < 0.5:
                     return None
                 last[0] = time.monotonic()
+                return ready
             return make(message, time.time())
 
         relay.change = change
