@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-from graph import Ball, Graph, Watch
+from graph import NODES, Ball, Graph, Watch
 from report import report
 from rich.console import Console
 from rich.table import Table
@@ -87,7 +87,7 @@ def main() -> None:
                 if done % 60 < SAMPLE:
                     print(f"{done} balls, {len([n for n in missed if n > skipped])} missed", flush=True)
             balls = [ball for ball in tuple(watch.balls) if ball.number > skipped]
-            latencies, ended, bound = tuple(watch.latencies), list(graph.ended), watch.broken()
+            latencies, ended, bound = tuple(watch.latencies), [name for name, _ in graph.ended if name in NODES], watch.broken()
         os.chdir("/")
     first, last = balls[:size], balls[-size:]
     shares = [float(np.mean([ball.hit for ball in part])) for part in (first, last)]

@@ -26,12 +26,13 @@ from typing import Any
 import numpy as np
 import rclpy
 from broken import broken, kinds
-from graph import PHASES, RECOVERY, Graph
+from graph import NODES, PHASES, RECOVERY, Graph
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from report import report
 from rich.console import Console
 from rich.table import Table
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import TimeReference
 from std_msgs.msg import Float64MultiArray
 from tt_arm.model import ArmModel
 from tt_bringup.demo import free_domain
@@ -48,7 +49,6 @@ from tt_core.ros.convert import (
 from tt_core.states import BallPath, BallState, RacketState, ReturnGoal
 from tt_vision.rig import high_speed_pair
 
-NODES = ("sim", "estimate", "predict", "racket", "arm", "record")
 FREEZES = (0.05, 0.3, 2.0)  # s
 LONG = 2.0  # s, for which broken messages come
 RATE = 50.0  # 1/s, of broken messages; those of more than LARGE bytes come twice a second
@@ -73,6 +73,8 @@ def good_messages() -> dict[str, tuple[Any, str | None]]:
         found[f"/camera/{name}/image_raw"] = image_to_message(image, now, f"{name}_optical"), None
         info = camera_to_message(camera.width, camera.height, camera.matrix, camera.distortion, f"{name}_optical", now)
         found[f"/camera/{name}/camera_info"] = info, None
+    ping, pong = TimeReference(source="estimate"), TimeReference(source="sim", time_ref=stamp(now))
+    ping.header.stamp, pong.header.stamp, pong.header.frame_id = stamp(now), stamp(now), "estimate"
     return {
         **found,
         "/ball/measured": (ball_to_message(ball), "estimate"),
@@ -81,6 +83,8 @@ def good_messages() -> dict[str, tuple[Any, str | None]]:
         "/racket/strokes": (strokes_to_message([racket], now), "racket"),
         "/joint_states": (joints_to_message(arm.names, now, arm.waiting, np.zeros(7)), "sim"),
         "/arm_velocity_controller/commands": (Float64MultiArray(data=[0.1] * 7), "arm"),
+        "/clock_offset/ping": (ping, None),
+        "/clock_offset/pong": (pong, None),
         "/clock": (Clock(clock=stamp(now)), "sim"),
     }
 
@@ -149,6 +153,7 @@ def sole_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None]:
 
     def inject(graph: Graph) -> None:
         make, relay, last = kinds(good)[name], graph.relays[topic], [0.0]
+        ready = broken(make, good, time.time()) if name == "oversize" else None  # takes a second
         relay.passed = 0
 
         def change(message: Any) -> Any:
@@ -156,6 +161,7 @@ def sole_publisher(topic: str, good: Any, name: str) -> Callable[[Graph], None]:
                 if time.monotonic() - last[0] < 0.5:
                     return None
                 last[0] = time.monotonic()
+                return ready
             return make(message, time.time())
 
         relay.change = change
@@ -282,7 +288,8 @@ def settings(log: Path) -> dict[str, Callable[[], Graph] | str]:
     relayed = {topic: (publisher, type(m)) for topic, (m, publisher) in good.items() if publisher and topic != "/clock"}
     clock = {"/clock": ("sim", Clock)}
     own = OWN in os.environ
-    tiny = ("unshare", "-m", "sh", "-c", 'mkdir -p bags && mount -t tmpfs -o size=16m tmpfs bags && exec "$@"', "sh")
+    # the recorder keeps 64 MB free: 30 MB take ten seconds
+    tiny = ("unshare", "-m", "sh", "-c", 'mkdir -p bags && mount -t tmpfs -o size=96m tmpfs bags && exec "$@"', "sh")
     slow = ("strace", "-f", "-qq", "--seccomp-bpf", "-o", "/dev/null", "-e", "trace=write", "-e", "inject=write:delay_enter=50000")
     no_mount = "mounting is not permitted here"
     return {

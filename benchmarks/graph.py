@@ -41,6 +41,7 @@ RESTS = 0.02  # rad/s, below which it rests
 NEAR = 0.15  # m from the ball to the racket: 30 ms before the strike
 BEGUN = 1.6  # m in x: a ball that is nearer to the robot has been measured
 THROUGH = "/through"  # before the name of a topic that a relay passes on
+NODES = ("sim", "estimate", "predict", "racket", "arm", "record")  # that are to live as long as the graph
 PHASES = ("waiting", "launched", "swing", "strike", "back")
 
 
@@ -318,10 +319,15 @@ class Graph:
             self.signal(name, signal.SIGCONT)
 
     def enable(self) -> bool:
-        """Call /arm/enable, as the person beside the robot does."""
-        if not self.until(self.watch.enabler.service_is_ready, RECOVERY):
-            return False
-        return self.until(self.watch.enabler.call_async(SetBool.Request(data=True)).done, 10.0)
+        """Call /arm/enable, as the person beside the robot does, until it answers; a node that was killed is known for seconds yet."""
+        end = time.monotonic() + RECOVERY
+        while time.monotonic() < end:
+            if self.until(self.watch.enabler.service_is_ready, 2.0):
+                answer = self.watch.enabler.call_async(SetBool.Request(data=True))
+                if self.until(answer.done, 2.0):
+                    return bool(answer.result().success)
+                self.watch.enabler.remove_pending_request(answer)
+        return False
 
 
 def send(pid: int | None, number: signal.Signals) -> None:

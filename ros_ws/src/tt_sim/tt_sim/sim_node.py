@@ -63,7 +63,7 @@ NICE = -10  # priority: hardware does not wait for a busy machine
 SLEW = 2e-6  # s, by which the stamps are brought nearer to the system's clock in a tick; in a second that is 1 ms
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
-PAUSE = 0.25  # s, at least, between two refusals told
+PAUSE = 0.25  # s, at least, between two refusals told, and between two words about the drives
 RECORD = 1.0  # s between two words about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
 MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
@@ -240,7 +240,7 @@ class SimNode(Node):
         flight, launch_time = None, -np.inf
         flying = dict[float, Flight]()  # by the time of launch
         period = 60.0 / self.launcher.rate if self.launcher.rate else 0.0
-        braking = True
+        braking, drive_told = True, -np.inf
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
             if params.rtf == 1.0:  # stamps follow the system's clock, which its time service makes faster or slower
@@ -274,8 +274,8 @@ class SimNode(Node):
             now, timeout = time.monotonic(), self.drive.params.command_timeout / params.rtf
             behind = now - real_start - (tick_due - start) / params.rtf > timeout  # this process was held up: what it missed was no command
             command = self.drive.command(now, params.tick, hardware.joints.qdot, -1.0 if behind else timeout)
-            if self.drive.braking != braking:
-                braking = self.drive.braking
+            if self.drive.braking != braking and now - drive_told >= PAUSE:
+                braking, drive_told = self.drive.braking, now
                 self.status.tell("brakes" if braking else "follows commands", part="drive", warn=braking)
             tick = hardware.advance(command)
             if not behind:
