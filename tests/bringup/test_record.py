@@ -329,3 +329,13 @@ def test_a_disk_that_fails_is_told_and_what_was_written_can_be_saved(tmp_path, m
     with pytest.raises(BagError, match=r"has no index \(the disk failed: \[Errno 5\] Input/output error\); ros2 bag reindex"):
         recording.close()
     assert reindex(tmp_path / "bag").counts["/image"] >= 40
+
+
+def test_a_recorder_that_is_started_again_takes_a_new_directory(tmp_path):
+    from tt_bringup.record_node import free_name
+
+    names = []
+    for _ in range(3):
+        names.append(free_name(str(tmp_path / "bag")))
+        Path(names[-1]).mkdir()
+    assert [Path(name).name for name in names] == ["bag", "bag_2", "bag_3"]

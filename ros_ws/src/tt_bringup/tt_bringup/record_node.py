@@ -62,11 +62,18 @@ def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
     )
 
 
+def free_name(output: str) -> str:
+    """Return `output`, or where that exists the first of output_2, output_3, ... that does not."""
+    names = itertools.chain([output], (f"{output.rstrip('/')}_{number}" for number in itertools.count(2)))
+    return next(name for name in names if not Path(name).exists())
+
+
 class RecordNode(Node):
     """Topics -> a new rosbag2 directory, `output`, or bags/ and the time; what is lost -> diagnostics.
 
     All topics, or those in `topics`, less those in which the regex `exclude` is found. At most `queue_bytes` wait for the disk, of
-    which `reserve_bytes` stay free; what is beyond that is dropped and counted.
+    which `reserve_bytes` stay free; what is beyond that is dropped and counted. With `numbered` a directory that exists is no error: the
+    new one gets a number, as a recorder needs that is started again.
     """
 
     def __init__(self) -> None:
@@ -74,6 +81,8 @@ class RecordNode(Node):
         output = parameter(self, "output", "auto")
         if output == "auto":
             output = time.strftime("bags/%Y-%m-%d_%H-%M-%S")
+        if parameter(self, "numbered", False):
+            output = free_name(output)
         self._wanted = {self.resolve_topic_name(str(name)) for name in parameter(self, "topics", [])}
         exclude = parameter(self, "exclude", "")
         try:
