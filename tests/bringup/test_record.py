@@ -6,6 +6,7 @@ import resource
 import subprocess
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
