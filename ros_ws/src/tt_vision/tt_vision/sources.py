@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from tt_core.errors import TtError, check_range
 from tt_core.ros.bags import Bag
+from tt_core.ros.convert import camera_from_message
 
 from .centre import Image
 from .devices import DeviceCounts, DeviceParams, grabs
@@ -157,11 +158,13 @@ def from_bag(path: Path) -> Generator[Shot, None, None]:
 
 
 def calibrations(path: Path) -> dict[int, Calibration]:
-    """What /camera/{left,right}/camera_info of a bag says, by side."""
+    """Return what /camera/{left,right}/camera_info of a bag says, by side; a camera that is not calibrated (K[0] = 0) says nothing.
+
+    Raises:
+        TtError: a lens model that is not known, or a bag that cannot be read.
+    """
     topics = [f"/camera/{side}/camera_info" for side in SIDES]
-    return {
-        topics.index(topic): Calibration(m.width, m.height, np.reshape(m.k, (3, 3)), np.array(m.d)) for topic, m in _messages(path, topics)
-    }
+    return {topics.index(topic): Calibration(*camera_from_message(m)) for topic, m in _messages(path, topics) if m.k[0] != 0.0}
 
 
 def _messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, Any]]:
