@@ -17,6 +17,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.time_source import TimeSource
+from rosgraph_msgs.msg import Clock
 
 from ..errors import TtError
 from ..start import SIGNALS, default_signals
@@ -40,6 +42,7 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
             (`ulimit -e`), the process tells so and runs at the usual one.
     """
     default_signals()
+    _bound_clock()
     if nice:
         _prioritize(nice)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -66,6 +69,17 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
+
+
+def _bound_clock() -> None:
+    """Ignore a /clock before 1970, on which rclpy 7.1.6 ends the node."""
+    follow = TimeSource.clock_callback
+
+    def clock_callback(source: TimeSource, message: Clock) -> None:
+        if message.clock.sec >= 0:
+            follow(source, message)
+
+    TimeSource.clock_callback = clock_callback  # type: ignore[assignment]
 
 
 def _prioritize(nice: int) -> None:
