@@ -110,3 +110,14 @@ def test_run_becomes_the_executable(ros2, tmp_path):
     process = ros2("run", "tt_bringup", "record_node", "--ros-args", "-p", f"output:={tmp_path}")
     assert "exists already" in process.communicate(timeout=20)[0]
     assert process.returncode == 2
+
+
+def test_it_sets_parameters(ros2, probe, until):
+    probe.declare_parameter("speed", 1.0)
+    done = ros2("param", "set", "/probe", "speed", "0.2")
+    until(lambda: done.poll() is not None, probe)
+    assert done.communicate()[0] == "Set parameter successful\n" and done.returncode == 0
+    assert probe.get_parameter("speed").value == 0.2
+    refused = ros2("param", "set", "/probe", "speed", "fast")  # no number
+    until(lambda: refused.poll() is not None, probe)
+    assert refused.returncode == 1 and "speed" in refused.communicate()[0]

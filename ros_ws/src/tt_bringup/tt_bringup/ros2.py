@@ -1,4 +1,4 @@
-"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, node."""
+"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, param, node."""
 
 from __future__ import annotations
 
@@ -105,6 +105,12 @@ def service_call(args: argparse.Namespace) -> None:
     call(args.service, args.type, args.values)
 
 
+def param_set(args: argparse.Namespace) -> None:
+    from .graph_node import set_parameter
+
+    set_parameter(args.node, args.name, args.value)
+
+
 def node_list(_: argparse.Namespace) -> None:
     from .graph_node import nodes
 
@@ -167,6 +173,12 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("service")
     one.add_argument("type", help="e.g. std_srvs/srv/Trigger")
     one.add_argument("values", nargs="?", default="{}", help="the request in YAML, e.g. '{data: true}'")
+
+    param = group("param", "set parameters of running nodes")
+    one = verb(param, "set", param_set, "set one parameter")
+    one.add_argument("node", help="e.g. /arm")
+    one.add_argument("name")
+    one.add_argument("value", help="in YAML")
 
     node = group("node", "look at nodes")
     verb(node, "list", node_list, "name the nodes")
