@@ -323,6 +323,7 @@ def play(graph: Graph, fault: Fault, phase: str, result: Result) -> bool:
     if fault.stops and (reaction := watch.reaction(began)) is not None:
         result.reactions.append(reaction)
     wrong = [f"{name} ended, {code}" for name, code in graph.ended[before:] if name in NODES and name != fault.kills]
+    graph.until(lambda: set(NODES) <= graph.nodes.keys(), RECOVERY)  # a recorder is not needed for a hit
     if missing := sorted(set(NODES) - graph.nodes.keys()):
         wrong.append(f"not running: {', '.join(missing)}")
     if bound := watch.broken():

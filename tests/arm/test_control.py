@@ -246,6 +246,11 @@ def test_a_clock_that_went_back_is_followed_from_where_the_arm_is():
     assert step.reason is None
     assert step.interrupted
     assert arm.control.stroke is None
+    arm.joints, arm.command = Joints(back.time, back.q, back.qdot), step.command
+    arm.run(arm.joints.time + 2.0)
+    assert arm.joints.q == pytest.approx(MODEL.waiting, abs=1e-3)
+    time = arm.joints.time + 0.6
+    assert arm.control.take([printed(time)[0]]).index == 0
 
 
 def test_silence_stops_the_arm_and_it_goes_on_afterwards():

@@ -164,9 +164,13 @@ class ArmControl:
             has_speeds: See `JointStateCheck.accept`.
         """
         now = joints.time if now is None else now
+        before = self.states.last
         accepted = self.states.accept(joints, now, clock, has_speeds=has_speeds)
         if isinstance(accepted, Failure):
             return self.refuse(now, accepted)
+        interrupted = before is not None and accepted.time <= before.time and self.stroke is not None
+        if before is not None and accepted.time <= before.time:  # the clock went back: what is planned is for times of the old one
+            self._forget()
         self.joints = joints = accepted
         damage = self.guard.look(joints, self.states.gap)
         stopped = self.stopped_by or damage or self._paused(now)
@@ -174,7 +178,7 @@ class ArmControl:
             self._forget()
             self._arriving = self._arriving or damage is not None
             return Step(self.guard.stop(now, joints), stopped)
-        interrupted = self.states.gap and self._resume(joints)
+        interrupted = (self.states.gap and self._resume(joints)) or interrupted
         if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
             return Step(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
         self._rest = None
