@@ -152,7 +152,8 @@ class ArmControl:
         """Return why the arm must not move at all, whatever the joint states are; None when it may."""
         if self.guard.latched is not None:
             return self.guard.latched
-        return next(iter(self.held.values()), None) if self.enabled else self._off
+        held = tuple(self.held.values())  # a copy: two threads look
+        return (held[0] if held else None) if self.enabled else self._off
 
     def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> Step:
         """Return the command for the time of `joints`: along the swing, else towards waiting, else that of a stop.
