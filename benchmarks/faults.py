@@ -344,6 +344,7 @@ def last_word(graph: Graph) -> str:
 def uncovered(graph: Graph) -> set[str]:
     """Topics that a node subscribes to and for which there is no fault."""
     graph.until(lambda: set(NODES) <= set(graph.watch.get_node_names()), RECOVERY)
+    graph.until(lambda: set(NODES) <= set(graph.watch.get_node_names()), RECOVERY)
     found = {topic for name in NODES if name != "record" for topic, _ in graph.watch.get_subscriber_names_and_types_by_node(name, "/")}
     return found - good_messages().keys() - {"/parameter_events"}
 
