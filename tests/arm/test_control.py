@@ -293,9 +293,9 @@ def test_after_a_stall_of_the_process_the_arm_goes_on(begin, hold):
     speed = np.abs(arm.joints.qdot)
     step = arm.control.watch(arm.joints.time)  # what the node does first may be either
     assert np.all(np.abs(step.command) <= np.maximum(speed, np.abs(command)) + 1e-9)
-    arm.run(arm.joints.time + 0.3)
+    arm.run(arm.joints.time + 1.5)  # on its way home
     assert arm.control.guard.latched is None
-    time = arm.joints.time + 0.9
+    time = arm.joints.time + 0.6
     assert arm.control.take([printed(time)[0]]).index == 0
     position, _, _ = missed(arm.run(time + 1.5, time), printed(time)[0])
     assert position < 0.5  # mm, as without the pause

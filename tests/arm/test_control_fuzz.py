@@ -1,5 +1,7 @@
 """Whatever happens to joint states, strokes, clocks and people, the arm keeps its limits, touches nothing, and goes on by itself."""
 
+from collections import deque
+
 import numpy as np
 from arm.printed import printed
 from hypothesis import settings
@@ -86,6 +88,18 @@ class FaultyArm(RuleBasedStateMachine):
         for _ in range(ticks):
             self.send(self.control.step(Joints(stamp, self.joints.q, self.joints.qdot), self.time, self.time + self.offset))
             self.passes(TICK)
+
+    @rule(ticks=st.integers(1, 200), delay=st.floats(0.0, 0.1))
+    def states_come_late(self, ticks, delay):
+        past = deque([(self.time, self.joints)])
+        for _ in range(ticks):
+            while len(past) > 1 and past[1][0] <= self.time - delay:
+                past.popleft()
+            then, old = past[0]
+            state = Joints(then + self.offset, old.q, old.qdot)
+            self.send(self.control.step(state, self.time, self.time + self.offset))
+            self.passes(TICK)
+            past.append((self.time, self.joints))
 
     @rule(change=st.floats(-1e3, 1e3))
     def the_clock_jumps(self, change):

@@ -27,6 +27,7 @@ AROUND = 12  # points of the rim
 CIRCLE = RIM * np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
 ALONG = 8  # parts of the forearm; the capsules seen from its points are at most 3 mm nearer
 MOST_LOOKS = 10_000  # at a path; 30 s of it in steps of 10 ms are 3,000
+HELD = 0.005  # m, kept where a command is held; the guard keeps none, as it looks at every command
 EVERY = 2  # looks at a path, of which one is at what comes of a held command
 HOLDING = 2  # postures looked at while the drive holds the last command, see `braking_clearance`
 BRAKING = 3  # postures looked at while the arm brakes, the last at rest
@@ -159,8 +160,8 @@ def path_clearance(
                 left, near = braked, obstacle
             if hold > 0.0 and look % EVERY == 0:  # only a touch counts: it takes a fault of the process
                 braked, obstacle = braking_clearance(q, qdot, braking, hold, chain)
-                if braked + enough < left:
-                    left, near = braked + enough, obstacle
+                if braked - HELD + enough < left:
+                    left, near = braked - HELD + enough, obstacle
         if left < least:
             least, what = left, near
             if least < enough:

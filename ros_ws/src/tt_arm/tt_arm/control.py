@@ -187,7 +187,8 @@ class ArmControl:
             self.guard.speed_scale = self._speed
         if (np.abs(self.guard.last) > self._speed * self.model.speed_limits + 1e-9).any():
             return Step(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
-        return self._follow(joints, now, interrupted)
+        age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
+        return self._follow(joints, now, age, interrupted)
 
     def refuse(self, now: float, failure: Failure) -> Step:
         """Return the next command of a stop, for a joint state that cannot be used. The swing may go on with the next good one."""
@@ -273,7 +274,7 @@ class ArmControl:
         self._give_up()
         return interrupted
 
-    def _follow(self, joints: Joints, now: float, interrupted: bool) -> Step:
+    def _follow(self, joints: Joints, now: float, age: float, interrupted: bool) -> Step:
         """The command along the swing, which begins, ends and is planned anew here."""
         if self._arriving and self._arrived(joints):
             self._give_up()
@@ -290,7 +291,7 @@ class ArmControl:
                 return Step(self.guard.stop(now, joints), self._does_not_follow(now, error))
         wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
-        command, cut = self.guard.check(joints, wanted, now, planned)
+        command, cut = self.guard.check(joints, wanted, now, planned, age)
         if cut is None:
             self._cut_since = None
         elif self._is_spoilt(cut, joints.time):

@@ -98,7 +98,9 @@ class Guard:
             self.latched = self.latched or failure
         return failure if lasts or self._found else None
 
-    def check(self, joints: Joints, command: Array, now: float, planned: float | None = None) -> tuple[Array, Failure | None]:
+    def check(
+        self, joints: Joints, command: Array, now: float, planned: float | None = None, age: float = 0.0
+    ) -> tuple[Array, Failure | None]:
         """Return the command (7,) rad/s that may leave, and why it is another one, if it is.
 
         Args:
@@ -106,6 +108,7 @@ class Guard:
             command: (7,) rad/s, as wanted.
             now: s, monotonic.
             planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
+            age: s, of `joints`: the arm has moved on since.
         """
         command, params, q = np.asarray(command, dtype=float), self._params, joints.q
         if self.latched is not None:
@@ -115,13 +118,13 @@ class Guard:
         if planned is not None and joints.time - planned > params.stale_plan and command.any():
             return self.stop(now, joints), Failure(ArmStop.OLD_PLAN, age=joints.time - planned, bound=params.stale_plan)
         speed = self.speed_scale * self._model.speed_limits
-        down, up = self._room(q)
+        down, up = self._room(q, age + self.command_timeout)
         slow = np.clip(command, -speed, speed)
         cut = np.clip(slow, -down, up)
         begins, step = self._time is None, self._step(joints.time, now)
         # room to brake comes before smoothness
         allowed = np.clip(self._towards(cut, step), np.maximum(-down, -speed), np.minimum(up, speed))
-        near = self._near(q, allowed) if allowed.any() else None
+        near = self._near(q, allowed, age) if allowed.any() else None
         if near is not None:
             return self.stop(now, joints), near
         self._last, self._now, self._stopping = allowed, now, False
@@ -148,7 +151,7 @@ class Guard:
             passed = max(min(passed, FIRST_STEP), passed - self.command_timeout)
         self._last, self._now, self._stopping = self._towards(np.zeros(len(self._last)), self.braking * passed), now, True
         if joints is not None:
-            down, up = self._room(joints.q)
+            down, up = self._room(joints.q, 0.0)
             self._last = np.clip(self._last, -down, up)
         return self._last
 
@@ -168,18 +171,23 @@ class Guard:
         left, what = clearance(joints.q, self._model.chain)
         return Failure(ArmStop.CONTACT, obstacle=OBSTACLES[what]) if left <= 0.0 else None
 
-    def _near(self, q: Array, command: Array) -> Failure | None:
-        """Braking from `command` would end too near to something, and not further from it than now."""
-        left, what = braking_clearance(q, command, self.braking, 0.0, self._model.chain)
-        bound = self._params.clearance
-        if left >= bound or left > clearance(q, self._model.chain)[0]:
+    def _near(self, q: Array, command: Array, age: float) -> Failure | None:
+        """Braking from `command`, at once or after the drives have held it, would end too near to something, and not further than now."""
+        chain, bound = self._model.chain, self._params.clearance
+        left, what = braking_clearance(q, command, self.braking, age, chain)
+        held, held_what = braking_clearance(q, command, self.braking, age + self.command_timeout, chain)
+        if held + bound < left:  # a held command must not touch, no more: it takes a fault
+            left, what = held + bound, held_what
+        if left >= bound or left > clearance(q, chain)[0]:
             return None
         return Failure(ArmStop.NEAR, left=max(0.0, 1e3 * left), obstacle=OBSTACLES[what], bound=1e3 * bound)
 
-    def _room(self, q: Array) -> tuple[Array, Array]:
-        """rad/s (7,) down and up, from which each joint can brake before its limit."""
+    def _room(self, q: Array, hold: float) -> tuple[Array, Array]:
+        """rad/s (7,) down and up, at which each joint may move for `hold` (s) and then brake before its limit."""
         low, high = self._model.position_limits.T + self._params.margin * np.array([[1.0], [-1.0]])
-        return np.sqrt(2.0 * self.braking * np.maximum(0.0, q - low)), np.sqrt(2.0 * self.braking * np.maximum(0.0, high - q))
+        braking = self.braking
+        down, up = (np.sqrt((braking * hold) ** 2 + 2.0 * braking * np.maximum(0.0, room)) - braking * hold for room in (q - low, high - q))
+        return down, up
 
     def _step(self, time: float, now: float) -> float:
         """rad/s, by which a command may differ from the last one.
