@@ -1,5 +1,6 @@
 """The arm node is wired: joint states in, commands out; strokes in, a swing that arrives; stopped for every reason there is."""
 
+import itertools
 import signal
 import time
 from pathlib import Path
@@ -256,13 +257,20 @@ def test_a_person_stops_the_arm_and_slows_it_down(probe, until, bench, homeward)
     assert homeward.wait(timeout=10) == 0
 
 
-def beyond(message):
-    message.position = [*message.position[:6], MODEL.position_limits[6, 1] + 0.1]
+def beyond():
+    """The last joint creeps 0.1 rad beyond its limit, no faster than it can."""
+    far = MODEL.position_limits[6, 1] + 0.1 - AWAY[6]
+    ways = itertools.chain(np.arange(0.0, far, 0.01), itertools.repeat(far))
+
+    def fault(message):
+        message.position = [*message.position[:6], AWAY[6] + next(ways)]
+
+    return fault
 
 
 @pytest.mark.parametrize(
     ("fault", "code"),
-    [(beyond, ArmStop.BEYOND_LIMIT), (lambda m: setattr(m, "velocity", [1.3, *[0.0] * 6]), ArmStop.OVERSPEED)],
+    [(beyond(), ArmStop.BEYOND_LIMIT), (lambda m: setattr(m, "velocity", [1.3, *[0.0] * 6]), ArmStop.OVERSPEED)],
 )
 def test_damage_latches_until_a_person_enables(probe, until, bench, homeward, fault, code):
     from std_srvs.srv import SetBool
