@@ -148,16 +148,19 @@ def test_a_bad_parameter_ends_it_with_the_reason(start, parameter, words):
 
 def test_a_clock_before_1970_does_not_end_a_node(start, probe, until):
     from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticArray
     from rosgraph_msgs.msg import Clock
 
     node = start("tt_predict.predict_node", "--ros-args", "-p", "use_sim_time:=true")
     clock = probe.create_publisher(Clock, "/clock", 10)
     until(lambda: clock.get_subscription_count() == 1, probe)
-    for seconds in (-1, -(2**31), 2**31 - 1, 5):
-        clock.publish(Clock(clock=Time(sec=seconds, nanosec=7)))
     told = []
-    from diagnostic_msgs.msg import DiagnosticArray
-
     probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, 10)
-    until(lambda: any(message.header.stamp.sec == 5 for message in told), probe)
+
+    def follows():
+        for seconds in (-1, -(2**31), 2**31 - 1, 5):
+            clock.publish(Clock(clock=Time(sec=seconds, nanosec=7)))
+        return any(message.header.stamp.sec == 5 for message in told)
+
+    until(follows, probe)
     assert node.poll() is None
