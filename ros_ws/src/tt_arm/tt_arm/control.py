@@ -169,8 +169,9 @@ class ArmControl:
         accepted = self.states.accept(joints, now, clock, has_speeds=has_speeds)
         if isinstance(accepted, Failure):
             return self.refuse(now, accepted)
-        interrupted = before is not None and accepted.time <= before.time and self.stroke is not None
-        if before is not None and accepted.time <= before.time:  # the clock went back: what is planned is for times of the old one
+        clock_went_back = before is not None and accepted.time <= before.time
+        interrupted = clock_went_back and self.stroke is not None
+        if clock_went_back:  # what is planned is for times of the old clock
             self._forget()
         self.joints = joints = accepted
         damage = self.guard.look(joints, self.states.gap)
@@ -183,8 +184,7 @@ class ArmControl:
         if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
             return Step(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
         self._rest = None
-        if self.guard.speed_scale != self._speed:
-            self.guard.speed_scale = self._speed
+        self.guard.speed_scale = self._speed
         if (np.abs(self.guard.last) > self._speed * self.model.speed_limits + 1e-9).any():
             return Step(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
         age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)

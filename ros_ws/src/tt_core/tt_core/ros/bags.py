@@ -186,7 +186,7 @@ class Bag:
         return ""
 
     def _converter(self, kind: str) -> Callable[[bytes], Any]:
-        """What makes a CDR message of Jazzy out of the bag's bytes. Raises KeyError for a type that is not known."""
+        """Return the function that converts the bag's bytes to a CDR message of ROS 2 Jazzy. Raises KeyError for an unknown type."""
         if not self._is_ros1:
             return unpacked
         if is_same_wireformat(self._types, TYPES, kind, kind):
