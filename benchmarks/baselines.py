@@ -11,10 +11,10 @@ import numpy as np
 from report import arguments, report
 from rich.console import Console
 from rich.table import Table
-from tt_sim.evaluate import RETURNS, percentiles, returns
-from tt_sim.figures import NUMBERS
-from tt_sim.scenario import load
-from tt_sim.sweep import part
+from tt_eval.evaluate import RETURNS, percentiles, returns
+from tt_eval.scenario import load
+from tt_eval.sweep import part
+from tt_eval.sweep_metrics import NUMBERS
 
 CHUNK = 25
 ROWS = (  # world, robot, what it is

@@ -8,8 +8,8 @@ import numpy as np
 from report import arguments, report
 from rich.console import Console
 from rich.table import Table
-from tt_sim.episode import play
-from tt_sim.scenario import Scenario, load
+from tt_eval.episode import play
+from tt_eval.scenario import Scenario, load
 
 PRINTED = {"back": (2.10, 0.78, 0.622), "top": (1.90, 0.744, 0.451)}  # landing x, y (m) and time (s), Section 4.5.2
 

@@ -29,10 +29,10 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
-from tt_bringup import launch, packages
 from tt_core.ros.convert import seconds
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE, TRUTH
-from tt_core.ros.status import read_status
+from tt_tools import launch, packages
 
 READY = 120.0  # s until the first ball is hit
 RECOVERY = 30.0  # s until a ball is hit after a fault

@@ -18,10 +18,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from report import arguments, report
 from rich.console import Console
-from tt_bringup import launch, packages
 from tt_bringup.demo import free_domain
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE
-from tt_core.ros.status import read_status
+from tt_tools import launch, packages
 
 RATE = 94.0  # balls a minute, the most of the machine (dissertation Section 2.5.2)
 READY = 90.0  # s until the first ball is over

@@ -17,17 +17,17 @@ import psutil
 from report import arguments, report
 from rich.console import Console
 from rich.progress import track
-from tt_sim.episode import play
-from tt_sim.evaluate import percentiles, why
-from tt_sim.figures import figures
-from tt_sim.scenario import Scenario, load
+from tt_eval.episode import play
+from tt_eval.evaluate import percentiles, why
+from tt_eval.scenario import Scenario, load
+from tt_eval.sweep_metrics import sweep_metrics
 
 SCENARIOS = ("liu", "real")
 WARM = 20  # balls of a process before it is timed; they load kernels and draw the marks of the balls
 
 
 def one(scenario: Scenario, seed: int) -> dict[str, float | str]:
-    return figures(play(scenario, seed))
+    return sweep_metrics(play(scenario, seed))
 
 
 def rates(rows: list[dict[str, float | str]]) -> dict[str, float]:
@@ -38,7 +38,7 @@ def rates(rows: list[dict[str, float | str]]) -> dict[str, float]:
         metrics[f"{name}_median"], metrics[f"{name}_p95"] = percentiles(column[name])
     for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z"):
         off = column[f"judged_{name}"] - column[name]
-        metrics[f"judge_{name}_mean"], metrics[f"judge_{name}_spread"] = float(np.nanmean(off)), float(np.nanstd(off))
+        metrics[f"judge_{name}_mean"], metrics[f"judge_{name}_uncertainty"] = float(np.nanmean(off)), float(np.nanstd(off))
     metrics["judged_otherwise_share"] = float(np.mean([row["miss"] != row["judged_miss"] for row in rows]))
     return metrics
 
@@ -49,7 +49,7 @@ def alone(scenario: Scenario, balls: int) -> tuple[float, float]:
         play(scenario, seed)
     process, start, before = psutil.Process(), time.perf_counter(), 0.0
     for seed in track(range(balls), description=f"{scenario.name}, one process"):
-        figures(play(scenario, seed))
+        sweep_metrics(play(scenario, seed))
         if seed == balls // 10:
             before = process.memory_info().rss
     return balls / (time.perf_counter() - start), (process.memory_info().rss - before) / 1e6

@@ -26,8 +26,8 @@ import psutil
 from report import arguments, report
 from rich.console import Console
 from rich.table import Table
-from tt_bringup import packages
 from tt_bringup.demo import free_domain
+from tt_tools import packages
 
 BAG = Path(__file__).parents[1] / "bags" / "reference_back_5"
 NODES: dict[str, tuple[str, tuple[str, ...]]] = {

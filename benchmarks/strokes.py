@@ -12,12 +12,12 @@ import numpy as np
 from report import arguments, report
 from rich.console import Console
 from tt_arm.control import ArmControl, warm
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
 from tt_core.states import RacketState
-from tt_sim.drill import STROKES_AT, TICK, drill, strokes
-from tt_sim.launcher import KINDS
-from tt_sim.plant import Plant, PlantParams
+from tt_eval.arm_trial import STROKES_AT, TICK, arm_trial, strokes
+from tt_sim.world.launcher import KINDS
+from tt_sim.world.plant import Plant, PlantParams
 
 MODEL = ArmModel.pa10()
 NOISY = PlantParams(time_constant=0.007, q_noise=5e-5, qdot_noise=5e-3)  # 2 ms slower than the servo believes
@@ -57,7 +57,7 @@ def main() -> None:
     tried: Counter[tuple[str, int]] = Counter()
     for seed in range(given.runs):
         shot = shots[seed % len(shots)]
-        one = drill(MODEL, strokes(*shot, seed), NOISY, seed)
+        one = arm_trial(MODEL, strokes(*shot, seed), NOISY, seed)
         done.append(one)
         tried[shot] += 1
         made[shot] += one.reason is None

@@ -13,14 +13,14 @@ import time
 import numpy as np
 from report import arguments, report
 from tt_core.constants import RPM
-from tt_sim.experiments import catapult, rotation
+from tt_eval.experiments import catapult, rotation
+from tt_eval.synthetic_bursts import bursts, known
 from tt_sim.render import Lamps
-from tt_sim.trials import bursts, known
-from tt_vision.centre import find_ball
+from tt_vision.detection.ball_detection import find_ball
 from tt_vision.measure import measure, warm
-from tt_vision.registration import SearchParams
 from tt_vision.rig import high_speed_pair
-from tt_vision.spin import estimate_spin
+from tt_vision.spin.estimate import estimate_spin
+from tt_vision.spin.registration import SearchParams
 
 CHI_SQUARE = 7.81  # of 3, exceeded by 5 %
 WRONG = 300.0  # rpm, an error that no prediction survives

@@ -12,11 +12,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 from tt_arm.control import ArmControl
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
 from tt_bringup.report import read
-from tt_sim.drill import STROKES_AT, TICK, strokes
-from tt_sim.plant import Plant, PlantParams
+from tt_eval.arm_trial import STROKES_AT, TICK, strokes
+from tt_sim.world.plant import Plant, PlantParams
 
 NEEDED = ("/arm_trajectory_controller/joint_trajectory", "/joint_states", "/diagnostics")
 AROUND = 0.5  # s, shown before and after the strike

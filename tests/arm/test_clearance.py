@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tt_arm.clearance import FOREARM, OBSTACLES, PEDESTAL, RIM, braking_clearance, clearance, clearances, from_segment, from_table
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach
-from tt_arm.swing import Joints, plan
+from tt_arm.safety.clearance import FOREARM, OBSTACLES, PEDESTAL, RIM, braking_clearance, clearance, clearances, from_segment, from_table
+from tt_arm.swing import plan
 from tt_core.constants import FLOOR_Z, TABLE_WIDTH
 from tt_core.states import RacketState
 

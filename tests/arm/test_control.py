@@ -6,19 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from arm.printed import NAMES, printed
-from tt_arm.choice import ChoiceParams, choose
+from arm.dissertation_strokes import NAMES, printed
 from tt_arm.control import ArmControl, ControlParams
-from tt_arm.guard import GuardParams
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachParams, reach
+from tt_arm.safety.guard import GuardParams
+from tt_arm.safety.stops import ArmStop
 from tt_arm.servo import ServoParams, follow
-from tt_arm.stops import ArmStop
-from tt_arm.swing import Joints, SwingLimits, plan
+from tt_arm.stroke_selection import SelectionParams, choose
+from tt_arm.swing import SwingLimits, plan
 from tt_core.errors import OutOfRange
 from tt_core.failures import Failure
 from tt_core.states import RacketState
-from tt_sim.plant import Plant, PlantParams
+from tt_sim.world.plant import Plant, PlantParams
 
 MODEL, TICK, BRAKING = ArmModel.pa10(), 0.002, SwingLimits().acceleration
 HELD = Joints(0.0, MODEL.waiting, np.zeros(7))
@@ -128,7 +129,7 @@ def test_the_first_is_taken_even_with_nothing_to_spare():
     racket, relaxed = printed(0.0)[1], printed(1.0)[1]
     earliest = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time, limits).earliest
     hasty = RacketState(earliest + 0.002, racket.position, racket.velocity, racket.alpha, racket.beta)
-    choice = choose(MODEL, [hasty, relaxed], start, limits, ReachParams(), ChoiceParams())
+    choice = choose(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
     assert choice.index == 0
     assert choice.swing.earliest <= hasty.time
 
@@ -151,7 +152,7 @@ def test_why_each_candidate_failed_is_told():
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
     candidates = [far, soon, low, far, far]
-    choice = choose(MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), ChoiceParams(tries=3))
+    choice = choose(MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), SelectionParams(tries=3))
     assert choice.index is None
     for told, words in zip(
         choice.reasons, ("0: out of reach", "1: the strike is", "2: the arm would come within", "3 to 4: not tried"), strict=True
@@ -426,7 +427,7 @@ def test_nothing_is_left_to_compile_once_warm():
     script = """
 import importlib, pkgutil, tt_arm
 from numba.core.dispatcher import Dispatcher
-from arm.printed import printed
+from arm.dissertation_strokes import printed
 from arm.test_control import MODEL, Arm
 from tt_arm.control import warm
 

@@ -3,19 +3,19 @@
 from collections import deque
 
 import numpy as np
-from arm.printed import printed
+from arm.dissertation_strokes import printed
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from tt_arm.clearance import clearance
 from tt_arm.control import ArmControl
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.stops import ArmStop
-from tt_arm.swing import Joints
+from tt_arm.safety.clearance import clearance
+from tt_arm.safety.stops import ArmStop
 from tt_core.failures import Failure
 from tt_core.states import RacketState
-from tt_sim.drive import Drive
-from tt_sim.plant import Plant
+from tt_sim.world.drive import Drive
+from tt_sim.world.plant import Plant
 
 MODEL, TICK = ArmModel.pa10(), 0.002
 HELD = Failure(ArmStop.SECOND_PUBLISHER, count=2, topic="/joint_states", names="/a, /b")

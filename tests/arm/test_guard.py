@@ -5,13 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tt_arm.clearance import clearance
-from tt_arm.guard import Guard, GuardParams
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.stops import ArmStop
-from tt_arm.swing import Joints, SwingLimits
+from tt_arm.safety.clearance import clearance
+from tt_arm.safety.guard import Guard, GuardParams
+from tt_arm.safety.stops import ArmStop
+from tt_arm.swing import SwingLimits
 from tt_core.errors import OutOfRange
-from tt_sim.plant import Plant, PlantParams
+from tt_sim.world.plant import Plant, PlantParams
 
 MODEL, TICK = ArmModel.pa10(), 0.002
 anything = arrays(float, st.integers(0, 9), elements=st.floats(allow_nan=True, allow_infinity=True))

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arm import appendix_b
-from arm.printed import REFERENCE_WAITING
+from arm.dissertation_strokes import REFERENCE_WAITING
 from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -4,14 +4,14 @@ import time
 
 import numpy as np
 import pytest
-from arm.printed import NAMES, printed
+from arm.dissertation_strokes import NAMES, printed
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tt_arm.ik.velocity_allocation import allocate
 from tt_arm.model import ArmModel
-from tt_arm.motion import least_time
 from tt_arm.reach import ReachParams, adjust, reach
-from tt_arm.speeds import allocate
+from tt_arm.trajectory.profiles import least_time
 from tt_core.errors import OutOfRange
 from tt_core.states import RacketState
 

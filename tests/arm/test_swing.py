@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from arm.printed import NAMES, printed
+from arm.dissertation_strokes import NAMES, printed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import Reach, adjust, reach
-from tt_arm.swing import AT_REST, PROFILES, Joints, Path, SwingLimits, plan
-from tt_arm.torque import torque_shares
+from tt_arm.swing import AT_REST, PROFILES, Path, SwingLimits, plan
+from tt_arm.trajectory.torque import torque_shares
 from tt_core.errors import TtError
 from tt_core.states import RacketState
 

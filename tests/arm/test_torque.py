@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tt_arm.model import ArmModel
-from tt_arm.torque import torques
+from tt_arm.trajectory.torque import torques
 
 MODELS = ArmModel.pa10(), ArmModel.pa10(base=(-0.5, 0.2, 0.1, 0.7), mount=(0.3, 1.0))
 numbers = arrays(float, 7, elements=st.floats(-3.0, 3.0))

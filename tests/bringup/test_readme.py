@@ -6,8 +6,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from tt_bringup import launch, packages
-from tt_bringup.ros2 import parser
+from tt_tools import launch, packages
+from tt_tools.ros2 import parser
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

@@ -7,8 +7,8 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from tt_core.ros.node_main import run
 from tt_core.ros.qos import LATEST, RELIABLE
-from tt_core.ros.run import run
 
 TICK = 0.002  # s
 TOPICS = ((JointState, "joint_states", RELIABLE), (Float64MultiArray, "arm_velocity_controller/commands", LATEST))

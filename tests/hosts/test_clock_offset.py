@@ -10,7 +10,7 @@ from sensor_msgs.msg import TimeReference
 from tt_core.clock_offsets import MAX_NAME, MAX_SOURCES
 from tt_core.ros.clock_offset import PING, PONG, ClockMonitor
 from tt_core.ros.convert import seconds, stamp
-from tt_core.ros.status import Status, read_status
+from tt_core.ros.diagnostics import Status, read_status
 
 OFF = 0.050  # s
 

@@ -8,7 +8,7 @@ import pytest
 from hosts.two_hosts import is_hit, one_host, two_hosts
 from rosbags.highlevel import AnyReader
 from tt_core.ros.convert import seconds
-from tt_core.ros.status import read_status
+from tt_core.ros.diagnostics import read_status
 
 pytestmark = pytest.mark.timeout(300)  # two starts of the whole robot are in the first test
 

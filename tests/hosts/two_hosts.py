@@ -132,7 +132,7 @@ class Session:
     def launch(self, machine: Machine, *arguments: str) -> subprocess.Popen[str]:
         """Start `ros2 launch tt_bringup sim.launch.yaml` with `arguments` on a machine; its words go to a file in `folder`."""
         log = (self.folder / f"launch_{len(self._running)}.txt").open("w")
-        words = [sys.executable, "-m", "tt_bringup.ros2", "launch", "tt_bringup", "sim.launch.yaml", *arguments]
+        words = [sys.executable, "-m", "tt_tools.ros2", "launch", "tt_bringup", "sim.launch.yaml", *arguments]
         return self.start(machine.inside(*words), stdout=log, stderr=subprocess.STDOUT)
 
     def watch(self, machine: Machine, *names: str) -> None:

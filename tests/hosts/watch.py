@@ -7,9 +7,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from tt_core.ros.clock_offset import ClockMonitor
+from tt_core.ros.diagnostics import Status, read_status
+from tt_core.ros.node_main import run
 from tt_core.ros.qos import RELIABLE
-from tt_core.ros.run import run
-from tt_core.ros.status import Status, read_status
 
 
 class Watch(Node):

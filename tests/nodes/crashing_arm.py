@@ -1,7 +1,7 @@
 """The arm node with a fault in its logic, which shows a little after the arm has begun to move."""
 
 from tt_arm.arm_node import ArmNode
-from tt_core.ros.run import run
+from tt_core.ros.node_main import run
 
 
 class CrashingArm(ArmNode):

@@ -4,7 +4,7 @@ import threading
 import time
 
 from rclpy.node import Node
-from tt_core.ros.run import run
+from tt_core.ros.node_main import run
 
 
 class CrashingThread(Node):

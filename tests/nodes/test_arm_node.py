@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.stops import ArmStop
-from tt_arm.swing import Joints
+from tt_arm.safety.stops import ArmStop
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
@@ -28,9 +28,9 @@ class Bench:
         from sensor_msgs.msg import JointState
         from std_msgs.msg import Float64MultiArray
         from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+        from tt_core.ros.diagnostics import read_status
         from tt_core.ros.qos import LATEST, RELIABLE
-        from tt_core.ros.status import read_status
-        from tt_sim.plant import Plant
+        from tt_sim.world.plant import Plant
 
         self.probe, self.plant, self.command = probe, Plant(MODEL), np.zeros(7)
         self.joints = Joints(time.time(), MODEL.waiting, np.zeros(7))
@@ -85,7 +85,7 @@ class Bench:
         return [message for _, name, message, _ in self.told if name == "arm"]
 
     def codes(self):
-        """Of what has stopped the arm, see `tt_arm.stops`."""
+        """Of what has stopped the arm, see `tt_arm.safety.stops`."""
         return [values["code"] for _, name, _, values in self.told if name == "arm" and "code" in values]
 
 

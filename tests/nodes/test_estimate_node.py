@@ -14,10 +14,10 @@ from tt_core.constants import RPM
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, camera_to_message, image_to_message
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
-from tt_core.ros.status import read_status
 from tt_core.states import BallState
-from tt_sim.footage import footage
+from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.render import Scene
 from tt_vision.rig import high_speed_pair
 
@@ -27,7 +27,7 @@ BALL = BallState(0.0, [2.62, 0.7625, 0.34], [-5.0, 0.1, 1.0], np.array([100.0, -
 
 @pytest.fixture(scope="module")
 def frames():
-    return list(footage(BALL, np.eye(3), high_speed_pair(), Scene(), Physics.liu(), np.random.default_rng(0)))
+    return list(camera_sequence(BALL, np.eye(3), high_speed_pair(), Scene(), Physics.liu(), np.random.default_rng(0)))
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,12 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
-from tt_bringup import packages
 from tt_core.errors import TtError
-from tt_core.ros import status as status_module
+from tt_core.ros import diagnostics as status_module
+from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.qos import LATEST, RELIABLE
-from tt_core.ros.status import Status
+from tt_tools import packages
 
 BAG = Path(__file__).parents[2] / "bags" / "reference_back_5"
 NODES = {
@@ -98,7 +98,7 @@ def test_an_interrupt_ends_a_node_that_spins(execute):
 
 def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe, until):
     """A recorder that is interrupted twice has a complete bag."""
-    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}")
+    recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}")
     until(lambda: probe.count_subscribers("/rosout") > 0, probe)
     for number in (signal.SIGINT, signal.SIGTERM):
         recorder.send_signal(number)
@@ -152,7 +152,7 @@ def robot(ros, tmp_path):
     given = ("use_sim_time:=true", "rtf:=0.5")  # what happens is tested, not how fast a machine with other work is
     printed = tmp_path / "robot.txt"
     with printed.open("w") as file:
-        command = [sys.executable, "-m", "tt_bringup.ros2", "launch", "tt_bringup", "sim.launch.yaml", *given]
+        command = [sys.executable, "-m", "tt_tools.ros2", "launch", "tt_bringup", "sim.launch.yaml", *given]
         process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
     yield printed.read_text
     process.send_signal(signal.SIGINT)

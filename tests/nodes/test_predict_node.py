@@ -10,12 +10,12 @@ from nav_msgs.msg import Odometry
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_to_message, path_from_message
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE
-from tt_core.ros.status import read_status
 from tt_core.states import BallState
 from tt_predict.identify import Identified, write_parameters
 from tt_predict.rollout import StopRule, rollout
-from tt_predict.spread import spread
+from tt_predict.uncertainty import uncertainty
 
 BALL = BallState(100.0, [2.6, 0.76, 0.3], [-6.2, 0.1, 1.0], [20, -360, 30])
 
@@ -54,7 +54,7 @@ def test_identified_coefficients_are_taken_and_the_covariance_is_told(start, pro
     physics = Physics(air=type(Physics.liu().air)(drag=0.4))
     assert path_from_message(got[0]).end.vector == pytest.approx(rollout(BALL, physics, StopRule.at_x(-0.2)).end.vector, abs=1e-6)
     (values,) = [values for *_, values in told if "covariance" in values]
-    wanted = spread(ball, physics, StopRule.at_x(-0.2)).covariance
+    wanted = uncertainty(ball, physics, StopRule.at_x(-0.2)).covariance
     # four digits are told
     assert np.array(json.loads(values["covariance"])) == pytest.approx(wanted, rel=1e-3, abs=1e-9 * np.abs(wanted).max())
     assert float(values["sigma_time_ms"]) == pytest.approx(1e3 * np.sqrt(wanted[0, 0]), abs=0.01)

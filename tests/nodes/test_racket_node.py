@@ -9,8 +9,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.ros.convert import goal_to_message, path_to_message, strokes_from_message
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
-from tt_core.ros.status import read_status
 from tt_core.states import BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 

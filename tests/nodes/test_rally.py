@@ -109,7 +109,7 @@ def test_a_replay_gives_what_was_recorded(rally, tmp_path):
     """The same images through the same nodes: equal to the last digit, but for stamps, which hold whole nanoseconds."""
     _, bag, _ = rally
     again = tmp_path / "again"
-    launch = [sys.executable, "-m", "tt_bringup.ros2", "launch", "tt_bringup", "replay.launch.yaml", f"bag:={bag}", "physics:=liu"]
+    launch = [sys.executable, "-m", "tt_tools.ros2", "launch", "tt_bringup", "replay.launch.yaml", f"bag:={bag}", "physics:=liu"]
     done = run([*launch, "record:=true", f"output:={again}"], tmp_path, 100)
     assert done.returncode == 0, done.stdout + done.stderr
     for topic, from_message in RESULTS.items():

@@ -19,11 +19,11 @@ from rclpy.time import Time
 from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
-from tt_bringup.record import Recording
-from tt_bringup.record_node import offered_qos
-from tt_bringup.reindex import reindex
 from tt_core.ros.bags import Bag
 from tt_core.ros.qos import RELIABLE
+from tt_tools.record import Recording
+from tt_tools.record_node import offered_qos
+from tt_tools.reindex import reindex
 
 BEST_EFFORT = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -47,7 +47,7 @@ def test_it_records_all_that_is_offered(start, probe, until, tmp_path):
     excluded = probe.create_publisher(Point, "/excluded", 10)
     bag = tmp_path / "bag"
     recorder = start(
-        "tt_bringup.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "exclude:=^/(excluded|rosout|parameter_events|diagnostics)$"
+        "tt_tools.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "exclude:=^/(excluded|rosout|parameter_events|diagnostics)$"
     )
     until(lambda: all(output.get_subscription_count() for output in (latched, sensor, reliable)), probe)
 
@@ -74,7 +74,7 @@ def test_it_records_all_that_is_offered(start, probe, until, tmp_path):
 
 
 def test_an_existing_directory_is_refused(start, tmp_path):
-    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={tmp_path}")
+    recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path}")
     assert recorder.wait(timeout=60) == 2
     assert "exists already" in recorder.stderr.read()
 
@@ -82,7 +82,7 @@ def test_an_existing_directory_is_refused(start, tmp_path):
 def test_a_killed_recorder_leaves_what_can_be_saved(start, probe, until, tmp_path):
     output = probe.create_publisher(Image, "/image", 10)
     bag = tmp_path / "bag"
-    recorder = start("tt_bringup.ros2", "bag", "record", "/image", "-o", str(bag))
+    recorder = start("tt_tools.ros2", "bag", "record", "/image", "-o", str(bag))
     until(lambda: output.get_subscription_count(), probe)
     image = Image(height=100, width=1000, step=1000, encoding="mono8", data=bytes(100_000))
     until(lambda: len((bag / "bag.mcap").read_bytes().rstrip(b"\0")) > 2_000_000 or output.publish(image), probe)
@@ -104,7 +104,7 @@ def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path)
     output, told = probe.create_publisher(Image, "/image", 10), []
     probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
     bag, picture = tmp_path / "bag", image(1_000_000)
-    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "topics:=[/image]")
+    recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "topics:=[/image]")
     until(lambda: output.get_subscription_count(), probe)
     soft, hard = resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (20_000_000, hard))
@@ -135,7 +135,7 @@ def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path)
 
 
 def test_a_recorder_whose_disk_is_full_at_the_start_says_so(start, tmp_path):
-    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}", "-p", f"reserve_bytes:={2**40}")
+    recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}", "-p", f"reserve_bytes:={2**40}")
     assert recorder.wait(timeout=60) == 2
     errors = recorder.stderr.read()
     assert "would stay free" in errors and "Traceback" not in errors
@@ -180,7 +180,7 @@ def test_a_bag_is_played_as_it_was(start, probe, until, tmp_path):
         "wait_for": ["/latched", "/new", "/clock"],
     }
     options = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
-    player = start("tt_bringup.play_node", "--ros-args", *options, "-r", "/old:=/new")
+    player = start("tt_tools.play_node", "--ros-args", *options, "-r", "/old:=/new")
     until(lambda: player.poll() is not None and len(got["/new"]) == len(messages), probe)
     assert player.returncode == 0
     assert got["/new"] == messages and latched["/latched"] == messages[:1] and not got["/unwanted"]
@@ -191,7 +191,7 @@ def test_a_bag_is_played_as_it_was(start, probe, until, tmp_path):
 @pytest.mark.parametrize("form", ["sqlite3", "mcap message zstd", "ros1"])
 def test_other_forms_are_played_too(start, probe, until, tmp_path, form):
     bag, got = FORMS[form](tmp_path, points()), listen(probe, ["/old", "/latched", "/unwanted"])
-    start("tt_bringup.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "rate:=5", "-p", f"wait_for:={list(got)}")
+    start("tt_tools.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "rate:=5", "-p", f"wait_for:={list(got)}")
     until(lambda: [len(messages) for messages in got.values()] == [100, 1, 100], probe)
     assert [deserialize_message(data, Point).x for data in got["/old"]] == [float(i) for i in range(100)]
 
@@ -200,10 +200,10 @@ def test_playback_begins_when_every_consumer_is_there(start, probe, until, tmp_p
     """Neither the first listener nor the recorder is enough."""
     bag, early = FORMS["mcap"](tmp_path, points()), listen(probe, ["/old"])
     options = ("-p", f"bag:={bag}", "-p", "rate:=5", "-p", "wait_for:=[/old, /unwanted, /result]", "-p", "recorded:=true")
-    player = start("tt_bringup.play_node", "--ros-args", *options)
+    player = start("tt_tools.play_node", "--ros-args", *options)
     until(lambda: "player" in probe.get_node_names(), probe)
     recorded = tmp_path / "again"
-    recorder = start("tt_bringup.record_node", "--ros-args", "-p", f"output:={recorded}")
+    recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={recorded}")
     until(lambda: "record" in probe.get_node_names(), probe)
     late = listen(probe, ["/unwanted"])
     until(lambda: probe.count_publishers("/unwanted"), probe)
@@ -218,7 +218,7 @@ def test_playback_begins_when_every_consumer_is_there(start, probe, until, tmp_p
 
 def test_a_consumer_that_does_not_come_is_named(start, probe, until, tmp_path):
     bag = FORMS["mcap"](tmp_path, points())
-    player = start("tt_bringup.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "wait_for:=[/old, /result]", "-p", "patience:=0.5")
+    player = start("tt_tools.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "wait_for:=[/old, /result]", "-p", "patience:=0.5")
     until(lambda: player.poll() is not None, probe)
     assert player.returncode == 2
     assert player.stderr.read().strip() == "play: nobody listens to /old, /result within 0.5 s"
@@ -227,7 +227,7 @@ def test_a_consumer_that_does_not_come_is_named(start, probe, until, tmp_path):
 def test_the_command_plays_when_nobody_listens(start, probe, until, tmp_path):
     bag, clock = FORMS["sqlite3"](tmp_path, points(10)), []
     probe.create_subscription(Clock, "/clock", lambda message: clock.append(time.monotonic()), 1000)
-    player = start("tt_bringup.ros2", "bag", "play", str(bag), "--clock", "100")
+    player = start("tt_tools.ros2", "bag", "play", str(bag), "--clock", "100")
     until(lambda: player.poll() is not None, probe, 90.0)
     assert player.returncode == 0
     assert clock[-1] - clock[0] < 15.0  # s, of which 1 to look for subscribers and 0.1 to play; it does not wait half a minute
@@ -238,7 +238,7 @@ def test_the_command_plays_when_nobody_listens(start, probe, until, tmp_path):
 def test_a_player_ends_at_once(ros, tmp_path, number, after):
     """Whatever it does: load, look for listeners or play."""
     bag = FORMS["mcap file zstd"](tmp_path, points(10_000))
-    command = ["env", "--block-signal=INT", sys.executable, "-m", "tt_core.start", "tt_bringup.ros2", "bag", "play", str(bag)]
+    command = ["env", "--block-signal=INT", sys.executable, "-m", "tt_core.start", "tt_tools.ros2", "bag", "play", str(bag)]
     player = subprocess.Popen(command, env=os.environ, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     time.sleep(after)
     player.send_signal(number)
@@ -253,7 +253,7 @@ def test_full_shared_memory_is_told_in_one_line(ros, tmp_path):
     tried = subprocess.run([*shell, "true"], capture_output=True, text=True, check=False)
     if tried.returncode or "mount:" in tried.stderr:
         pytest.skip(f"no mount namespace can be made here: {tried.stderr.strip()}")
-    node = [sys.executable, "-m", "tt_core.start", "tt_bringup.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}"]
+    node = [sys.executable, "-m", "tt_core.start", "tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}"]
     done = subprocess.run([*shell, *node], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 2
     assert "/dev/shm has 0 bytes free, nodes need 65536" in done.stderr.splitlines()[-1]

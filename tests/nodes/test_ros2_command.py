@@ -30,7 +30,7 @@ def ros2(ros):
     started = []
 
     def ros2(*words):
-        command = [sys.executable, "-m", "tt_bringup.ros2", *words]
+        command = [sys.executable, "-m", "tt_tools.ros2", *words]
         started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ))
         return started[-1]
 

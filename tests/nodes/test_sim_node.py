@@ -13,8 +13,8 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.model import WAITING
 from tt_core.ros.convert import ball_from_message, image_from_message, pixel_from_message, seconds
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
-from tt_core.ros.status import read_status
 from tt_vision.camera import triangulate
 from tt_vision.rig import wide_pair
 

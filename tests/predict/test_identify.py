@@ -91,8 +91,8 @@ def test_rows_are_cut_into_flights():
 
 def test_a_bag_gives_the_coefficients_of_the_balls_in_it(tmp_path, capsys):
     from rclpy.serialization import serialize_message
-    from tt_bringup.record import Recording
     from tt_core.ros.convert import ball_to_message
+    from tt_tools.record import Recording
 
     recording = Recording(tmp_path / "bag")
     recording.add_topic("/ball/state", "nav_msgs/msg/Odometry", [])

@@ -9,10 +9,11 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_X
 from tt_core.errors import OutOfRange, TtError
+from tt_core.events import FARTHEST
 from tt_core.flight import Aerodynamics, fly
 from tt_core.physics import Physics
 from tt_core.states import BallState
-from tt_predict.rollout import FARTHEST, MOST_POINTS, StopRule, rollout, thinned
+from tt_predict.rollout import MOST_POINTS, StopRule, rollout, thinned
 
 AIRLESS = Aerodynamics.gravity_only()
 PHYSICS = [Physics.liu(), Physics.measured(), Physics.liu(0.0)]

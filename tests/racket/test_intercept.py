@@ -6,10 +6,10 @@ from tt_core.errors import TtError
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, Bounce, ReturnGoal
-from tt_racket.goal import GoalParams, answer
+from tt_racket.goal import GoalParams, default_goal
+from tt_racket.goal_relaxation import AS_ASKED, RelaxationParams
 from tt_racket.intercept import InterceptParams, intercept
-from tt_racket.sensitivity import ErrorParams, landing_spread
-from tt_racket.trade import AS_ASKED, TradeParams
+from tt_racket.sensitivity import StrikeErrorParams, landing_rms
 
 PHYSICS = Physics.liu()
 
@@ -25,16 +25,16 @@ def path_after_bounce():
 
 
 def test_candidates_are_on_the_path_in_the_window_and_ordered_by_racket_speed_and_sensitivity():
-    path, params, goal = path_after_bounce(), InterceptParams(), answer(np.array([0.0, 250.0, 0.0]), GoalParams())
+    path, params, goal = path_after_bounce(), InterceptParams(), default_goal(np.array([0.0, 250.0, 0.0]), GoalParams())
     found = intercept(path, goal, PHYSICS, params)
     assert len(found.strokes) > 3 and set(found.given) == {AS_ASKED}
     costs = [
         np.linalg.norm(s.racket.velocity) / params.racket_speed
-        + landing_spread(path.at(s.racket.time), s, goal.flight_time, PHYSICS, ErrorParams()) / params.landing_spread
+        + landing_rms(path.at(s.racket.time), s, goal.flight_time, PHYSICS, StrikeErrorParams()) / params.landing_rms
         for s in found.strokes
     ]
     assert costs == sorted(costs)
-    by_speed = intercept(path, goal, PHYSICS, InterceptParams(landing_spread=1e3))
+    by_speed = intercept(path, goal, PHYSICS, InterceptParams(landing_rms=1e3))
     speeds = [np.linalg.norm(s.racket.velocity) for s in by_speed.strokes]
     assert speeds == pytest.approx(sorted(speeds), abs=1e-2)
     for stroke in found.strokes:
@@ -44,7 +44,7 @@ def test_candidates_are_on_the_path_in_the_window_and_ordered_by_racket_speed_an
 
 
 def test_the_reachable_window_holds_the_near_one_and_more():
-    path, goal = path_after_bounce(), answer(np.array([0.0, 250.0, 0.0]), GoalParams())
+    path, goal = path_after_bounce(), default_goal(np.array([0.0, 250.0, 0.0]), GoalParams())
     near, reachable = (
         {s.racket.time for s in intercept(path, goal, PHYSICS, InterceptParams.window(name)).strokes} for name in ("near", "reachable")
     )
@@ -55,7 +55,7 @@ def test_the_reachable_window_holds_the_near_one_and_more():
 
 def test_too_fast_a_racket_is_refused_with_the_number():
     path = path_after_bounce()
-    found = intercept(path, answer(path.spins[0], GoalParams()), PHYSICS, InterceptParams(racket_speed=0.2))
+    found = intercept(path, default_goal(path.spins[0], GoalParams()), PHYSICS, InterceptParams(racket_speed=0.2))
     assert not found.strokes
     assert all("m/s is over 0.2 m/s" in reason for _, reason in found.refused)
 
@@ -64,7 +64,7 @@ def test_a_goal_out_of_reach_gives_up_what_the_order_says_and_tells_it():
     path, order = path_after_bounce(), ("spin", "time", "place")
     for time, spin, name in ((0.6, 900.0, "spin"), (0.25, 150.0, "spin and time")):
         goal = ReturnGoal([2.055, 0.7625], time, spin, 0.0)
-        found = intercept(path, goal, PHYSICS, InterceptParams(), TradeParams(order=order))
+        found = intercept(path, goal, PHYSICS, InterceptParams(), RelaxationParams(order=order))
         assert found.strokes and len(found.given) == len(found.strokes)
         assert found.given[0].startswith(name + ": ")
         assert all(reason for _, reason in found.refused)
@@ -74,7 +74,7 @@ def test_a_goal_out_of_reach_gives_up_what_the_order_says_and_tells_it():
 def test_a_volley_is_no_candidate():
     path = path_after_bounce()
     volley = BallPath(path.times[1:], path.positions[1:], path.velocities[1:], path.spins[1:])
-    assert not intercept(volley, answer(path.spins[0], GoalParams()), PHYSICS, InterceptParams()).strokes
+    assert not intercept(volley, default_goal(path.spins[0], GoalParams()), PHYSICS, InterceptParams()).strokes
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_volley_is_no_candidate():
     [([0, 250, 20], -125.66, 0), ([0, -250, 20], 104.72, 0), ([10, -50, 150], 0, -100), ([10, 50, -150], 0, 100)],
 )
 def test_spin_is_answered_by_its_kind(spin, spin_y, spin_z):
-    goal = answer(np.array(spin, float), GoalParams())
+    goal = default_goal(np.array(spin, float), GoalParams())
     assert (goal.spin_y, goal.spin_z) == (spin_y, spin_z)
 
 

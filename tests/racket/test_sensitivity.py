@@ -10,7 +10,7 @@ from tt_core.flight import Aerodynamics, fly
 from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState, ReturnGoal
 from tt_racket.baselines import fixed_pitch, specular
-from tt_racket.sensitivity import ErrorParams, landing_spread
+from tt_racket.sensitivity import StrikeErrorParams, landing_rms
 from tt_racket.stroke import Stroke, solve
 
 PHYSICS = Physics.liu()
@@ -19,7 +19,7 @@ GOAL = ReturnGoal([2.055, 0.7625], 0.55, 60, 20)
 
 
 def test_the_spread_is_that_of_sampled_strokes():
-    stroke, errors, rng = solve(BALL, GOAL, PHYSICS), ErrorParams(), np.random.default_rng(0)
+    stroke, errors, rng = solve(BALL, GOAL, PHYSICS), StrikeErrorParams(), np.random.default_rng(0)
     racket, off = stroke.racket, []
     for _ in range(4000):
         d = rng.normal(0.0, errors.sigmas)
@@ -29,17 +29,17 @@ def test_the_spread_is_that_of_sampled_strokes():
         place = end[:2] - (end[2] - PHYSICS.contact_height) * end[3:5] / end[5]
         off.append(np.sum((place - GOAL.landing) ** 2))
     # 10 %: 4,000 samples give 2 %, the rest is curvature
-    assert landing_spread(BALL, stroke, GOAL.flight_time, PHYSICS, errors) == pytest.approx(math.sqrt(np.mean(off)), rel=0.1)
+    assert landing_rms(BALL, stroke, GOAL.flight_time, PHYSICS, errors) == pytest.approx(math.sqrt(np.mean(off)), rel=0.1)
 
 
 def test_smaller_errors_spread_less_and_no_stroke_has_no_spread():
     stroke = solve(BALL, GOAL, PHYSICS)
-    half = ErrorParams(0.015, 0.005, 0.025, 7.5)
-    spreads = [landing_spread(BALL, stroke, GOAL.flight_time, PHYSICS, e) for e in (ErrorParams(), half)]
+    half = StrikeErrorParams(0.015, 0.005, 0.025, 7.5)
+    spreads = [landing_rms(BALL, stroke, GOAL.flight_time, PHYSICS, e) for e in (StrikeErrorParams(), half)]
     assert spreads[1] == pytest.approx(0.5 * spreads[0], rel=0.05)  # linear, but for the differences' size
-    assert landing_spread(BALL, Stroke(None, None, 0.0, 0, "no"), 0.5, PHYSICS, half) == math.inf
+    assert landing_rms(BALL, Stroke(None, None, 0.0, 0, "no"), 0.5, PHYSICS, half) == math.inf
     with pytest.raises(OutOfRange, match="racket_angle = 1 is outside"):
-        ErrorParams(racket_angle=1.0)
+        StrikeErrorParams(racket_angle=1.0)
 
 
 def test_acostas_stroke_lands_on_the_goal_of_its_own_model():

@@ -9,7 +9,7 @@ from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, image_from_message, path_from_message, seconds
 from tt_predict.rollout import StopRule, rollout
-from tt_vision.burst import Assembler
+from tt_vision.capture.burst import Assembler
 from tt_vision.measure import measure
 from tt_vision.rig import high_speed_pair
 

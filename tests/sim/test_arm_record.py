@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_arm.clearance import clearance
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
-from tt_sim.arm_record import ArmRecord
+from tt_arm.safety.clearance import clearance
+from tt_sim.world.arm_record import ArmRecord
 
 MODEL, TICK = ArmModel.pa10(), 0.002
 LOW, HIGH = MODEL.position_limits.T

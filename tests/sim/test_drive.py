@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
 from tt_core.errors import BadShape, NotFinite, OutOfRange, TtError
-from tt_sim.drive import LARGEST, Drive, DriveParams
-from tt_sim.plant import Plant
+from tt_sim.world.drive import LARGEST, Drive, DriveParams
+from tt_sim.world.plant import Plant
 
 MODEL, TICK, TIMEOUT = ArmModel.pa10(), 0.002, 0.1
 SPEED = st.floats(-LARGEST, LARGEST)

@@ -7,7 +7,7 @@ from tt_core.errors import OutOfRange, TtError
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
-from tt_sim.launcher import KINDS, LANDING_X, LauncherParams, launch, row
+from tt_sim.world.launcher import KINDS, LANDING_X, LauncherParams, launch, row
 
 
 @pytest.mark.parametrize(

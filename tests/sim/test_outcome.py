@@ -2,8 +2,8 @@
 
 import pytest
 from tt_core.states import BallState
-from tt_sim.outcome import Outcome
-from tt_sim.world import Contact
+from tt_sim.world.outcome import Outcome
+from tt_sim.world.true_ball import Contact
 
 
 def contact(surface, x, time):

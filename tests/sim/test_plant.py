@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
 from tt_core.errors import TtError
-from tt_sim.plant import Plant, PlantParams, step_joint
+from tt_sim.world.plant import Plant, PlantParams, step_joint
 
 MODEL = ArmModel.pa10()
 PLANT, START = Plant(MODEL), Joints(0.0, MODEL.waiting, np.zeros(7))

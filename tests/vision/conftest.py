@@ -55,7 +55,7 @@ def shoot(seed, *, spin=None, count=6, scene=None, cameras=None, velocity=None, 
 
 
 @pytest.fixture(scope="session")
-def footage():
+def rendered():
     return shoot(1)
 
 

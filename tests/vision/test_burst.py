@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tt_core.errors import BadShape, OutOfRange, TtError
-from tt_vision.burst import MOST_BYTES, MOST_WAITING, Assembler, BurstParams
+from tt_vision.capture.burst import MOST_BYTES, MOST_WAITING, Assembler, BurstParams
 
 DARK = np.full((232, 232), 8, np.uint8)
 

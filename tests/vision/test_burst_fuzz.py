@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from tt_core.errors import TtError
-from tt_vision.burst import MOST_BYTES, MOST_WAITING, Assembler, Burst
+from tt_vision.capture.burst import MOST_BYTES, MOST_WAITING, Assembler, Burst
 
 FILM = []  # (side, time, image) of six frames, set by the fixture
 KINDS = [np.zeros((1, 1), np.uint8), np.full((64, 64), 8, np.uint8), np.full((232, 232), 255, np.uint8), np.full((232, 300), 8, np.uint16)]
@@ -18,7 +18,7 @@ class FaultyCameras(RuleBasedStateMachine):
 
     @initialize(refined=st.booleans())
     def begin(self, refined):
-        from tt_vision.burst import BurstParams
+        from tt_vision.capture.burst import BurstParams
 
         self.assembler, self.now = Assembler(BurstParams(refined=8 if refined else 0)), 100.0
 

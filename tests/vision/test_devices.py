@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 from tt_core.errors import TtError
-from tt_vision.devices import DeviceCounts, DeviceError, DeviceParams, grabs
-from tt_vision.sources import _grey
+from tt_vision.capture.devices import DeviceCounts, DeviceError, DeviceParams, grabs
+from tt_vision.capture.sources import _grey
 
 
 class Clock:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tt_core.constants import RPM
 from tt_core.errors import BadShape, NotFinite, TtError
+from tt_eval.synthetic_bursts import known
 from tt_sim.render import Lamps, Noise
-from tt_sim.trials import known
 from tt_vision.measure import measure, warm
-from tt_vision.registration import SearchParams
 from tt_vision.rig import high_speed_pair
+from tt_vision.spin.registration import SearchParams
 
 
 def check(shot, result):
@@ -38,19 +38,19 @@ def test_ten_bits_are_no_worse(film, scene):
     check(shot, measure(shot.left, shot.right, shot.times, shot.cameras))
 
 
-def test_when_it_was_does_not_matter(footage):
-    late = measure(footage.left, footage.right, footage.times + 1.7e9, footage.cameras).ball
-    now = measure(footage.left, footage.right, footage.times, footage.cameras).ball
+def test_when_it_was_does_not_matter(rendered):
+    late = measure(rendered.left, rendered.right, rendered.times + 1.7e9, rendered.cameras).ball
+    now = measure(rendered.left, rendered.right, rendered.times, rendered.cameras).ball
     # a float of 1.7e9 s has steps of 0.24 us
     assert late.position == pytest.approx(now.position, abs=1e-5)
     assert late.spin == pytest.approx(now.spin, abs=5.0 * RPM)
 
 
-def test_bad_frames_are_left_out_and_counted(footage):
-    left, right = footage.left.copy(), footage.right.copy()
+def test_bad_frames_are_left_out_and_counted(rendered):
+    left, right = rendered.left.copy(), rendered.right.copy()
     left[1], right[3] = 0, 255
-    result = measure(left, right, footage.times, footage.cameras)
-    check(footage, result)
+    result = measure(left, right, rendered.times, rendered.cameras)
+    check(rendered, result)
     assert (result.used, result.left_out) == (4, {"black": 1, "saturated": 1})
 
 
@@ -63,8 +63,8 @@ def test_a_ball_on_its_way_through_the_view(film):
     assert np.linalg.norm(result.ball.spin - shot.ball.spin) / RPM < 30.0
 
 
-def test_what_cannot_be_measured_has_a_reason(footage, film):
-    left, right, times, cameras = footage.left, footage.right, footage.times, footage.cameras
+def test_what_cannot_be_measured_has_a_reason(rendered, film):
+    left, right, times, cameras = rendered.left, rendered.right, rendered.times, rendered.cameras
     other = film(32, velocity=[-3.0, 0.2, 0.0])
     cases = {
         "black": (left * 0, right * 0),
@@ -80,8 +80,8 @@ def test_what_cannot_be_measured_has_a_reason(footage, film):
         assert any(part in result.reason for part in reason.split("|")), (reason, result.reason)
 
 
-def test_cameras_that_cannot_be_right_have_a_reason(footage):
-    left, right = footage.cameras
+def test_cameras_that_cannot_be_right_have_a_reason(rendered):
+    left, right = rendered.cameras
     broken = dataclasses.replace(left)
     object.__setattr__(broken, "translation", np.full(3, np.nan))
     nearer = dataclasses.replace(left, translation=left.translation + [0.0, 0.0, 0.1])
@@ -92,13 +92,13 @@ def test_cameras_that_cannot_be_right_have_a_reason(footage):
         ((nearer, right), "too large|outline off|do not agree"),
         ((aside, right), "same ball|too large|do not agree"),
     ):
-        result = measure(footage.left, footage.right, footage.times, cameras)
+        result = measure(rendered.left, rendered.right, rendered.times, cameras)
         assert result.ball is None
         assert any(part in result.reason for part in reason.split("|")), (reason, result.reason)
 
 
-def test_arguments_that_do_not_fit_say_so(footage):
-    left, right, times, cameras = footage.left, footage.right, footage.times, footage.cameras
+def test_arguments_that_do_not_fit_say_so(rendered):
+    left, right, times, cameras = rendered.left, rendered.right, rendered.times, rendered.cameras
     with pytest.raises(BadShape, match="232"):
         measure(left[:, :100], right, times, cameras)
     with pytest.raises(BadShape, match="1 cameras"):
@@ -111,18 +111,18 @@ def test_arguments_that_do_not_fit_say_so(footage):
         measure(left.astype(float), right.astype(float), times, cameras)
 
 
-def test_few_frames_have_a_reason(footage):
+def test_few_frames_have_a_reason(rendered):
     for count in range(3):
-        assert "3 needed" in measure(footage.left[:count], footage.right[:count], footage.times[:count], footage.cameras).reason
+        assert "3 needed" in measure(rendered.left[:count], rendered.right[:count], rendered.times[:count], rendered.cameras).reason
 
 
-def test_a_mirrored_world_is_measured_mirrored(footage):
+def test_a_mirrored_world_is_measured_mirrored(rendered):
     """Images and cameras mirrored in the plane y = 0: the same ball on the other side, spinning the other way about x and z."""
     mirror = np.diag([1.0, -1.0, 1.0])
     flip = np.diag([-1.0, 1.0, 1.0])  # an image mirrored left to right
-    cameras = [dataclasses.replace(c, rotation=flip @ c.rotation @ mirror, translation=flip @ c.translation) for c in footage.cameras]
-    one = measure(footage.left, footage.right, footage.times, footage.cameras).ball
-    other = measure(footage.left[:, :, ::-1], footage.right[:, :, ::-1], footage.times, cameras).ball
+    cameras = [dataclasses.replace(c, rotation=flip @ c.rotation @ mirror, translation=flip @ c.translation) for c in rendered.cameras]
+    one = measure(rendered.left, rendered.right, rendered.times, rendered.cameras).ball
+    other = measure(rendered.left[:, :, ::-1], rendered.right[:, :, ::-1], rendered.times, cameras).ball
     assert other.position == pytest.approx(mirror @ one.position, abs=2e-5)
     assert other.velocity == pytest.approx(mirror @ one.velocity, abs=5e-3)
     # 8 rpm: the points of the fit are not mirrored

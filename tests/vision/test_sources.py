@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from bagforms import FORMS, TYPES
 from tt_core.ros.bags import BagError
-from tt_vision.devices import DeviceCounts, DeviceParams
-from tt_vision.sources import SourceError, SourceParams, calibrations, from_bag, from_devices, from_folder, from_videos, shots
+from tt_vision.capture.devices import DeviceCounts, DeviceParams
+from tt_vision.capture.sources import SourceError, SourceParams, calibrations, from_bag, from_devices, from_folder, from_videos, shots
 
 
 @pytest.fixture

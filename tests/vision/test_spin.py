@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tt_core.constants import RPM
 from tt_core.errors import TtError
+from tt_core.so3 import left_jacobian, rotation_matrix
 from tt_sim.render import Lamp, Lamps, Noise, Texture
-from tt_vision.centre import find_ball
-from tt_vision.motion import fit_motion
-from tt_vision.registration import SearchParams, compare_all, left_jacobian, rotation_matrix
-from tt_vision.spin import estimate_spin
-from tt_vision.surface import unwrap
+from tt_vision.detection.ball_detection import find_ball
+from tt_vision.motion_fit import fit_motion
+from tt_vision.spin.estimate import estimate_spin
+from tt_vision.spin.registration import SearchParams, compare_all
+from tt_vision.spin.surface_map import unwrap
 
 vectors = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
 
@@ -48,32 +49,32 @@ def test_the_spin_is_found(film, speed, axis):
     assert miss(shot) < 30.0
 
 
-def test_the_covariance_covers_the_error(footage):
-    estimate = estimate_spin(footage.frames, footage.times, footage.cameras)
-    error = estimate.spin - footage.ball.spin
+def test_the_covariance_covers_the_error(rendered):
+    estimate = estimate_spin(rendered.frames, rendered.times, rendered.cameras)
+    error = estimate.spin - rendered.ball.spin
     assert error @ np.linalg.solve(estimate.covariance, error) < 16.3  # chi-square of 3, 99.9 %
     assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
 
 
-def test_the_same_images_in_a_turned_world_turn_the_spin(footage):
+def test_the_same_images_in_a_turned_world_turn_the_spin(rendered):
     turn = Rotation.from_rotvec([0.0, 0.0, 1.0]).as_matrix()
-    turned = [dataclasses.replace(c, rotation=c.rotation @ turn.T) for c in footage.cameras]
-    one = estimate_spin(footage.frames, footage.times, footage.cameras).spin
-    other = estimate_spin(footage.frames, footage.times, turned).spin
+    turned = [dataclasses.replace(c, rotation=c.rotation @ turn.T) for c in rendered.cameras]
+    one = estimate_spin(rendered.frames, rendered.times, rendered.cameras).spin
+    other = estimate_spin(rendered.frames, rendered.times, turned).spin
     # 8 rpm: the points of the fit lie otherwise on the ball; 4 on the day
     assert np.linalg.norm(other - turn @ one) / RPM < 8.0
 
 
-def test_time_run_backwards_turns_backwards(footage):
-    one = estimate_spin(footage.frames, footage.times, footage.cameras).spin
-    other = estimate_spin(footage.frames[:, ::-1], footage.times, footage.cameras).spin
+def test_time_run_backwards_turns_backwards(rendered):
+    one = estimate_spin(rendered.frames, rendered.times, rendered.cameras).spin
+    other = estimate_spin(rendered.frames[:, ::-1], rendered.times, rendered.cameras).spin
     assert np.linalg.norm(one + other) / RPM < 6.0  # gravity now pulls upwards: 0.03 m/s, shared over two cameras; 4.1 at most in 20 balls
 
 
-def test_a_frame_lost_in_the_middle_does_not_matter(footage):
+def test_a_frame_lost_in_the_middle_does_not_matter(rendered):
     kept = [0, 1, 2, 4, 5]
-    estimate = estimate_spin(footage.frames[:, kept], footage.times[kept], footage.cameras)
-    assert np.linalg.norm(estimate.spin - footage.ball.spin) / RPM < 30.0
+    estimate = estimate_spin(rendered.frames[:, kept], rendered.times[kept], rendered.cameras)
+    assert np.linalg.norm(estimate.spin - rendered.ball.spin) / RPM < 30.0
 
 
 @pytest.mark.parametrize(
@@ -120,14 +121,14 @@ def test_too_fast_to_tell_is_refused(film):
     assert "do not agree" in estimate_spin(shot.frames, shot.times, shot.cameras).reason
 
 
-def test_the_step_of_the_refinement_leads_to_the_spin(footage):
+def test_the_step_of_the_refinement_leads_to_the_spin(rendered):
     """From 20 rpm away in any direction one Gauss-Newton step comes most of the way; the other points on the ball move it by 4."""
-    spots = [[find_ball(i) for i in row] for row in footage.frames]
-    motion = fit_motion(footage.frames, spots, footage.times, footage.cameras)
+    spots = [[find_ball(i) for i in row] for row in rendered.frames]
+    motion = fit_motion(rendered.frames, spots, rendered.times, rendered.cameras)
     backgrounds = np.array([[s.background for s in row] for row in spots])
-    centred = footage.times - footage.times.mean()
-    s = unwrap(footage.frames, backgrounds, motion.positions(footage.times), motion.alignment, centred, footage.cameras)
-    best = estimate_spin(footage.frames, footage.times, footage.cameras, search=SearchParams(second_look=False)).spin
+    centred = rendered.times - rendered.times.mean()
+    s = unwrap(rendered.frames, backgrounds, motion.positions(rendered.times), motion.alignment, centred, rendered.cameras)
+    best = estimate_spin(rendered.frames, rendered.times, rendered.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
         h, g, _, _ = compare_all(start, points, s.marks, s.views, s.frame, s.times)
@@ -147,10 +148,10 @@ def test_method_1_sees_a_turn_across_the_line_of_sight(film):
     assert 700.0 < estimate.spin[0] / RPM < 2500.0
 
 
-def test_arguments_that_do_not_fit_say_so(footage):
+def test_arguments_that_do_not_fit_say_so(rendered):
     with pytest.raises(TtError, match="'magic' is none of"):
-        estimate_spin(footage.frames, footage.times, footage.cameras, method="magic")
+        estimate_spin(rendered.frames, rendered.times, rendered.cameras, method="magic")
     with pytest.raises(TtError, match="frames"):
-        estimate_spin(footage.frames, footage.times[:5], footage.cameras)
+        estimate_spin(rendered.frames, rendered.times[:5], rendered.cameras)
     with pytest.raises(TtError, match="rise"):
-        estimate_spin(footage.frames, footage.times[::-1], footage.cameras)
+        estimate_spin(rendered.frames, rendered.times[::-1], rendered.cameras)

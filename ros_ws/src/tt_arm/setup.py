@@ -4,7 +4,7 @@ setup(
     name="tt_arm",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"tt_arm": ["urdf/*.urdf"]},
+    package_data={"tt_arm": ["urdf/*.urdf", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_arm"]),
         ("share/tt_arm", ["package.xml"]),

@@ -13,10 +13,10 @@ setup(
     name="tt_bringup",
     version="0.1.0",
     packages=find_packages(),
+    package_data={"tt_bringup": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
-        ("lib/tt_bringup", ["scripts/play_node", "scripts/record_node"]),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
     ],

@@ -4,6 +4,7 @@ setup(
     name="tt_predict",
     version="0.1.0",
     packages=find_packages(),
+    package_data={"tt_predict": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_predict"]),
         ("share/tt_predict", ["package.xml"]),

@@ -4,7 +4,7 @@ setup(
     name="tt_sim",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"tt_sim": ["*/*.yaml"]},
+    package_data={"tt_sim": ["*/*.yaml", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_sim"]),
         ("share/tt_sim", ["package.xml"]),
@@ -13,12 +13,4 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": [
-            "experiment = tt_sim.experiments.main:main",
-            "sight = tt_sim.sight_fit:main",
-            "sweep = tt_sim.sweep:main",
-            "evaluate = tt_sim.evaluate:main",
-        ]
-    },
 )

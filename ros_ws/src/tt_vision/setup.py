@@ -4,6 +4,7 @@ setup(
     name="tt_vision",
     version="0.1.0",
     packages=find_packages(),
+    package_data={"tt_vision": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_vision"]),
         ("share/tt_vision", ["package.xml"]),

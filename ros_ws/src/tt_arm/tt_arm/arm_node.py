@@ -26,23 +26,24 @@ from tt_core.errors import TtError, check_range
 from tt_core.failures import Failure
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
+from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
+from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, parameter
 from tt_core.ros.qos import LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
-from tt_core.ros.run import run
-from tt_core.ros.status import Status
 
-from .choice import ChoiceParams
 from .control import ArmControl, ControlParams, Step, warm
-from .feasible import check_feasible
-from .guard import GuardParams
-from .joint_states import JointStateParams
+from .joints import Joints
 from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
+from .safety.guard import GuardParams
+from .safety.joint_states import JointStateParams
+from .safety.stops import ArmStop
 from .servo import ServoParams
-from .stops import ArmStop
-from .swing import Joints, SwingLimits
+from .startup_check import check_feasible
+from .stroke_selection import SelectionParams
+from .swing import SwingLimits
 
 NICE = -10  # priority: nothing but hardware is more urgent
 WATCH = 0.0025  # s between two looks whether joint states have ceased
@@ -70,7 +71,7 @@ class ArmNode(Node):
             declare(self, ReachParams, "reach."),
             declare(self, ServoParams, "servo."),
             declare(self, GuardParams, "guard."),
-            declare(self, ChoiceParams, "choice."),
+            declare(self, SelectionParams, "choice."),
             declare(self, ControlParams),
             self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )

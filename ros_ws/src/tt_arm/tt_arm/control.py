@@ -16,14 +16,15 @@ from tt_core.errors import TtError, check_range
 from tt_core.failures import Failure
 from tt_core.states import Array, RacketState
 
-from .choice import Choice, ChoiceParams, apart, choose
-from .guard import Guard, GuardParams
-from .joint_states import JointStateCheck, JointStateParams
+from .joints import Joints
 from .model import ArmModel
 from .reach import Reach, ReachParams, reach
+from .safety.guard import Guard, GuardParams
+from .safety.joint_states import JointStateCheck, JointStateParams
+from .safety.stops import ArmStop
 from .servo import ServoParams, follow
-from .stops import ArmStop
-from .swing import Joints, Swing, SwingLimits, plan
+from .stroke_selection import Choice, SelectionParams, apart, choose
+from .swing import Swing, SwingLimits, plan
 
 AT_REST = 0.02  # rad/s, below which a stop is over
 AT_WAITING = 0.02  # rad, from the waiting posture, within which the first motion after enabling is over
@@ -95,12 +96,12 @@ class ArmControl:
         reaching: ReachParams | None = None,
         servo: ServoParams | None = None,
         guard: GuardParams | None = None,
-        choosing: ChoiceParams | None = None,
+        choosing: SelectionParams | None = None,
         params: ControlParams | None = None,
         states: JointStateParams | None = None,
     ) -> None:
         self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
-        self.servo, self.choosing, self.params = servo or ServoParams(), choosing or ChoiceParams(), params or ControlParams()
+        self.servo, self.choosing, self.params = servo or ServoParams(), choosing or SelectionParams(), params or ControlParams()
         self.guard = Guard(model, guard, self.limits)
         self.states = JointStateCheck(model, states)
         self.enabled, self._off = False, Failure(ArmStop.NOT_ENABLED)

@@ -16,10 +16,10 @@ from numba import njit
 from tt_core.errors import check_array, check_range
 from tt_core.states import Array, RacketState
 
+from .ik.ik_search import ONES, search, turning
+from .ik.velocity_allocation import allocate, least_shares, steady_rows, steady_rows_into
 from .kinematics import Chain, forward, forward_into
 from .model import ArmModel
-from .posture import ONES, search, turning
-from .speeds import allocate, least_shares, steady_rows, steady_rows_into
 
 FINER = 2  # times the grid, where the plain one finds no posture at all
 NEWTON_STEPS, NEWTON_ENDS = 50, 7e-10  # steps at most; m and rad about either axis, where it ends: 1e-9 about both

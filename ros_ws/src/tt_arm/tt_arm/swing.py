@@ -16,15 +16,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from tt_core.errors import TtError, check_array, check_range
+from tt_core.errors import TtError, check_range
 from tt_core.states import Array
 
-from .clearance import OBSTACLES, path_clearance
-from .jerk import SAME, append, least_jerky
+from .joints import Joints
 from .model import ArmModel
-from .motion import evaluate, least_time, polyline, possible, quintic, quintic_holds, trapezoid, trapezoid_possible
 from .reach import Reach
-from .torque import torque_shares
+from .safety.clearance import OBSTACLES, path_clearance
+from .trajectory.jerk import SAME, append, least_jerky
+from .trajectory.profiles import evaluate, least_time, polyline, possible, quintic, quintic_holds, trapezoid, trapezoid_possible
+from .trajectory.torque import torque_shares
 
 PIECES = 48  # per joint: hold, three legs of at most twelve, rest
 STEP = 1e-3  # s, of the search for the earliest strike and of the last check of the limits
@@ -35,21 +36,6 @@ AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
 SLACK = 2e-3  # relative, for rounding in the last check of the limits
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
 SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Joints:
-    """The joints at one instant: time s, q (7,) rad, qdot (7,) rad/s, and qddot (7,) rad/s^2 where it is known."""
-
-    time: float
-    q: Array
-    qdot: Array
-    qddot: Array = field(default_factory=lambda: np.zeros(7))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time", check_range("time", self.time, -math.inf, math.inf))
-        for name in ("q", "qdot", "qddot"):
-            object.__setattr__(self, name, check_array(name, getattr(self, name), (7,)))
 
 
 @dataclass(frozen=True, slots=True)

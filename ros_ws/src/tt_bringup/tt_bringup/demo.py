@@ -27,14 +27,14 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, goal_to_message, seconds
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
-from tt_core.ros.status import read_status
 from tt_core.states import BallState, ReturnGoal
-from tt_racket.goal import GoalParams, answer
+from tt_racket.goal import GoalParams, default_goal
+from tt_tools import launch, packages
 
-from . import launch, packages
+from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line
 from .report import page
-from .score import HEADER, Score, line, score
 
 READY = 90.0  # s until every node must be there; a cold start loads compiled kernels
 BALL = 10.0  # s, simulated, from a launch to the end of the ball
@@ -98,24 +98,24 @@ def call(client: rclpy.client.Client, request: object, node: Node, executor: Sin
     return str(future.result().message)
 
 
-def play(demo: Demo, executor: SingleThreadedExecutor, balls: int, rtf: float) -> list[Score]:
+def play(demo: Demo, executor: SingleThreadedExecutor, balls: int, rtf: float) -> list[DemoMetrics]:
     """Launch `balls` one after another and print a line for each."""
     scores = []
     for _ in range(balls):
         demo.forget()
         shot = call(demo.launcher, Trigger.Request(), demo, executor, "/launcher/launch")
-        goal: ReturnGoal = answer(np.array(SPINS[shot.split()[0]], float), GoalParams())
+        goal: ReturnGoal = default_goal(np.array(SPINS[shot.split()[0]], float), GoalParams())
         demo.asked.publish(goal_to_message(goal, demo.get_clock().now().nanoseconds * 1e-9))
         wait(lambda: demo.told is not None, demo, executor, 10.0 + BALL / rtf, f"the end of the ball {shot}")
         assert demo.told is not None
-        scores.append(score(demo.told, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
+        scores.append(demo_metrics(demo.told, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
         print(line(scores[-1]), flush=True)
         again = time.monotonic() + min(max(demo.rest - demo.over, 0.0), LONGEST_REST) / rtf
         wait(lambda at=again: time.monotonic() >= at, demo, executor, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]
     return scores
 
 
-def summary(scores: list[Score]) -> str:
+def summary(scores: list[DemoMetrics]) -> str:
     hit, landed = sum(s.hit for s in scores), sum(s.landed for s in scores)
     errors = [s.spin_error_rpm for s in scores if s.spin_error_rpm is not None]
     worst = f"; spin measured within {max(errors):.0f} rpm" if errors else ""

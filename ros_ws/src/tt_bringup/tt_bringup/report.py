@@ -17,7 +17,7 @@ from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
 from tt_core.ros.bags import Bag
 
-from .score import Score
+from .demo_metrics import DemoMetrics
 
 TOPICS = ("/sim/ball", "/ball/path", "/return/goal", "/joint_states", "/arm_trajectory_controller/joint_trajectory", "/diagnostics")
 PAUSE = 0.05  # s without a true ball, after which the next one is another; states are 2 ms apart
@@ -108,7 +108,7 @@ def latencies(found: dict[str, list[Any]]) -> go.Figure:
     return figure.update_layout(title="Latency since the last frame", yaxis_title="ms", showlegend=False, height=420)
 
 
-def _table(scores: Sequence[Score]) -> str:
+def _table(scores: Sequence[DemoMetrics]) -> str:
     def cell(value: object) -> str:
         if isinstance(value, float):
             return f"{value:.4g}"
@@ -132,7 +132,7 @@ tr:nth-child(even) { background: #f3f3f3 }
 """
 
 
-def page(bag: Path, scores: Sequence[Score] = ()) -> str:
+def page(bag: Path, scores: Sequence[DemoMetrics] = ()) -> str:
     """One HTML page that needs no network."""
     found = read(bag)
     figures = [flights(found), latencies(found), joints(found)]

@@ -10,19 +10,19 @@ from tt_arm.control import warm as warm_arm
 from tt_arm.model import ArmModel
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState
+from tt_eval.episode import play
+from tt_eval.scenario import load
+from tt_eval.sweep_metrics import sweep_metrics
 from tt_predict.identify import Predictor
 from tt_predict.rollout import StopRule, rollout
-from tt_predict.spread import spread
-from tt_racket.goal import GoalParams, answer
+from tt_predict.uncertainty import uncertainty
+from tt_racket.goal import GoalParams, default_goal
 from tt_racket.intercept import InterceptParams, intercept
-from tt_sim.episode import play
-from tt_sim.figures import figures
-from tt_sim.footage import footage
-from tt_sim.hardware import warm as warm_hardware
-from tt_sim.launcher import LauncherParams, launch
-from tt_sim.plant import Plant
+from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.render import Scene
-from tt_sim.scenario import load
+from tt_sim.simulated_robot import warm as warm_hardware
+from tt_sim.world.launcher import LauncherParams, launch
+from tt_sim.world.plant import Plant
 from tt_vision.measure import warm as warm_vision
 from tt_vision.rig import high_speed_pair
 
@@ -30,7 +30,7 @@ from tt_vision.rig import high_speed_pair
 def images() -> None:
     """What makes and what measures images: nearly half of all."""
     cameras, (ball, orientation) = high_speed_pair(), _launched()
-    next(footage(ball, orientation, cameras, Scene(), Physics.liu(), np.random.default_rng(0)))
+    next(camera_sequence(ball, orientation, cameras, Scene(), Physics.liu(), np.random.default_rng(0)))
     warm_vision(cameras)
 
 
@@ -48,14 +48,14 @@ def main() -> None:
     path = flights(ball, physics)
     beside = multiprocessing.get_context("spawn").Process(target=images)
     beside.start()
-    spread(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
+    uncertainty(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
-    intercept(path, answer(ball.spin, GoalParams()), physics, InterceptParams())
+    intercept(path, default_goal(ball.spin, GoalParams()), physics, InterceptParams())
     arm = ArmModel.pa10()
     warm_arm(arm)
     warm_hardware(Plant(arm))
     for scenario in ("liu", "real"):
-        figures(play(load(scenario, images=False), 0))
+        sweep_metrics(play(load(scenario, images=False), 0))
     beside.join()
     sys.exit(beside.exitcode)
 

@@ -20,13 +20,13 @@ from numba import njit
 from scipy.optimize import least_squares
 from tt_core.bounce import TABLE_RANGES
 from tt_core.errors import TtError
+from tt_core.events import MOST_BOUNCES, Rows, walk
 from tt_core.flight import AIR_RANGES
 from tt_core.physics import Physics
 from tt_core.states import Array
 
 from .landings import up_to_landing
 from .recordings import Flight, load
-from .rollout import MOST_BOUNCES, Rows, roll
 
 SPIN_UNIT = 100.0  # rad/s, scales the fit
 MOST_SPIN = 1000.0  # rad/s
@@ -39,7 +39,7 @@ _TINY = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4])  # m, m/s: differences fo
 @njit(cache=True)
 def sample(state: Array, times: Array, air: Array, table: Array, contact: float, rows: Array, at: Rows, out: Array) -> None:
     """Positions (n, 3) at times (n,) s, the first that of state (9,), through bounces; where the path has ended, its end."""
-    n, _, _ = roll(times[0], state, times[-1] - times[0] + 1e-9, 0, 0.0, air, table, contact, rows, at)
+    n, _, _ = walk(times[0], state, times[-1] - times[0] + 1e-9, 0, 0.0, air, table, contact, rows, at)
     i = 1
     for m in range(len(times)):
         while i < n - 1 and rows[i, 0] < times[m]:

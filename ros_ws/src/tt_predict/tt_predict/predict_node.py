@@ -11,16 +11,16 @@ from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.ros.convert import ball_from_message, path_to_message
+from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
+from tt_core.ros.node_main import run
 from tt_core.ros.params import declare_physics, parameter
 from tt_core.ros.qos import RELIABLE
 from tt_core.ros.refusals import Refusals
-from tt_core.ros.run import run
-from tt_core.ros.status import Status
 from tt_core.states import BallState
 
 from .rollout import StopRule, rollout, thinned
-from .spread import spread
+from .uncertainty import uncertainty
 
 LARGEST_STATE = 4096  # bytes: a state has 730
 
@@ -34,7 +34,7 @@ class PredictNode(Node):
         self.stop = StopRule.at_x(parameter(self, "until_x", -0.5))
         ball = BallState(0.0, np.array([2.6, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.array([0.0, -300.0, 0.0]))
         rollout(ball, self.physics, self.stop)  # loads the kernels
-        spread(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
+        uncertainty(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
         self.status = Status(self)
         self.path = self.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
         self.refused = Refusals(self.status, "state")
@@ -54,7 +54,7 @@ class PredictNode(Node):
     def at_end(self, ball: BallState) -> dict[str, Any]:
         """How uncertain the ball is where its path stops: standard deviations, and the covariance of time, position, velocity, spin."""
         try:
-            end = spread(ball, self.physics, self.stop) if ball.covariance is not None else None
+            end = uncertainty(ball, self.physics, self.stop) if ball.covariance is not None else None
         except TtError as error:
             return {"spread": str(error)}
         if end is None:

@@ -26,7 +26,7 @@ class GoalParams:
         check_range("flight_time", self.flight_time, 0.1, 2.0)
 
 
-def answer(spin: Array, params: GoalParams) -> ReturnGoal:
+def default_goal(spin: Array, params: GoalParams) -> ReturnGoal:
     """The goal for an incoming ball of that spin (3,) rad/s: back spin answered by back spin, topspin by topspin, side by side."""
     spin_y, spin_z = (params.back_spin_y if spin[1] > 0.0 else params.top_spin_y), 0.0
     if abs(spin[2]) > abs(spin[1]):

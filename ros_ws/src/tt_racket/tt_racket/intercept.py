@@ -10,9 +10,9 @@ from tt_core.errors import TtError, check_range
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
-from .sensitivity import ErrorParams, landing_spread
+from .goal_relaxation import AS_ASKED, RelaxationParams, relax_goal
+from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
-from .trade import AS_ASKED, TradeParams, settle
 
 MOST_CANDIDATES = 64  # points of a path at which a stroke is solved: a usual ball has 30
 
@@ -30,7 +30,7 @@ class InterceptParams:
     spacing: float = 0.012  # s between candidates
     racket_speed: float = 3.5  # m/s, the most that is offered to the arm
     traded: int = 4  # points at which a return is searched that gives up some of the goal, 10 ms each at most
-    landing_spread: float = 0.5  # m, as bad in the order of candidates as a racket at racket_speed
+    landing_rms: float = 0.5  # m, as bad in the order of candidates as a racket at racket_speed
 
     def __post_init__(self) -> None:
         check_range("x_low", self.x_low, -2.0, self.x_high)
@@ -40,7 +40,7 @@ class InterceptParams:
         check_range("spacing", self.spacing, 1e-3, 0.2)
         check_range("racket_speed", self.racket_speed, 0.1, 20.0)
         check_range("traded", self.traded, 1, 100)
-        check_range("landing_spread", self.landing_spread, 0.01, 1e3)
+        check_range("landing_rms", self.landing_rms, 0.01, 1e3)
 
     @classmethod
     def window(cls, name: str) -> InterceptParams:
@@ -80,21 +80,21 @@ def intercept(
     goal: ReturnGoal,
     physics: Physics,
     params: InterceptParams,
-    trade: TradeParams | None = None,
-    errors: ErrorParams | None = None,
+    trade: RelaxationParams | None = None,
+    errors: StrikeErrorParams | None = None,
 ) -> Candidates:
     """Every hit point solved for the goal, best first: slow rackets, because the arm's speed is what runs out first, and returns that land
     near the goal in spite of `errors`. When no point gives the goal as asked, `traded` of them give up what `trade` says, and what comes
     first in its order comes first.
     """
-    errors, refused = errors or ErrorParams(), []
+    errors, refused = errors or StrikeErrorParams(), []
     order: list[tuple[int, float, Stroke, str]] = []
     balls = hit_points(path, params)
 
     def cost(ball: BallState, stroke: Stroke, time: float) -> float:
         assert stroke.racket is not None
         speed = math.hypot(*stroke.racket.velocity.tolist()) / params.racket_speed
-        return speed + landing_spread(ball, stroke, time, physics, errors) / params.landing_spread
+        return speed + landing_rms(ball, stroke, time, physics, errors) / params.landing_rms
 
     for ball in balls:
         stroke = solve(ball, goal, physics, racket_speed=params.racket_speed)
@@ -103,9 +103,9 @@ def intercept(
         else:
             refused.append((ball, stroke.reason or ""))
     if not order:
-        trade = trade or TradeParams()
+        trade = trade or RelaxationParams()
         for ball in balls[:: max(1, len(balls) // params.traded)]:
-            choice = settle(ball, goal, physics, trade, params.racket_speed)
+            choice = relax_goal(ball, goal, physics, trade, params.racket_speed)
             if choice.stroke.racket:
                 rank = choice.name.count("and") * len(trade.order) + trade.order.index(choice.name.split()[-1])
                 order.append((rank, cost(ball, choice.stroke, choice.goal.flight_time), choice.stroke, f"{choice.name}: {choice.given}"))

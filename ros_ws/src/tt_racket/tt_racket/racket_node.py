@@ -7,19 +7,19 @@ from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
+from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
+from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.ros.refusals import Refusals
-from tt_core.ros.run import run
-from tt_core.ros.status import Status
 from tt_core.states import BallPath, BallState, ReturnGoal
 
-from .goal import GoalParams, answer
+from .goal import GoalParams, default_goal
+from .goal_relaxation import RelaxationParams
 from .intercept import InterceptParams, intercept
-from .sensitivity import ErrorParams, landing_spread
+from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import solve
-from .trade import TradeParams
 
 LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
 LARGEST_GOAL = 4096  # bytes: one point has 200
@@ -33,13 +33,13 @@ class RacketNode(Node):
         self.physics = declare_physics(self)
         self.params = declare(self, InterceptParams.window(parameter(self, "window", "near")))
         self.goal_params = declare(self, GoalParams, "goal.")
-        self.trade = declare(self, TradeParams, "trade.")
-        self.errors = declare(self, ErrorParams, "errors.")
+        self.trade = declare(self, RelaxationParams, "trade.")
+        self.errors = declare(self, StrikeErrorParams, "errors.")
         self.goal: ReturnGoal | None = None
         ball = BallState(0.0, np.array([-0.15, 0.7, 0.25]), np.array([-4.0, 0.0, 0.3]), np.array([0.0, -150.0, 0.0]))
-        goal = answer(ball.spin, self.goal_params)
+        goal = default_goal(ball.spin, self.goal_params)
         BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)  # loads the kernels, as does
-        landing_spread(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)
+        landing_rms(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)
         self.status = Status(self)
         self.strokes = self.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         self.bad_goals, self.bad_paths = Refusals(self.status, "goal"), Refusals(self.status, "path")
@@ -57,7 +57,7 @@ class RacketNode(Node):
     def on_path(self, message: MultiDOFJointTrajectory) -> None:
         try:
             path = path_from_message(message)
-            goal = self.goal or answer(path.spins[0], self.goal_params)
+            goal = self.goal or default_goal(path.spins[0], self.goal_params)
             found = intercept(path, goal, self.physics, self.params, self.trade, self.errors)
             rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
             self.strokes.publish(strokes_to_message(rackets, path.times[0]))

@@ -18,7 +18,7 @@ from .stroke import COARSE_STEP, Stroke
 
 
 @dataclass(frozen=True)
-class ErrorParams:
+class StrikeErrorParams:
     """Standard deviations at the strike, each axis alike; assumptions of the order that measurement and arm reach."""
 
     racket_velocity: float = 0.03  # m/s
@@ -44,7 +44,7 @@ def landing_covariance(
 ) -> Array:
     """(2, 2) m^2 of the place where the ball comes down to the height of the goal: linear, by differences of one sigma.
 
-    ball (9,) at the hit; racket by velocity and angles; sigmas (11,) as of ErrorParams.
+    ball (9,) at the hit; racket by velocity and angles; sigmas (11,) as of StrikeErrorParams.
     """
     out, work, aim = np.zeros((2, 2)), np.empty((8, 3)), np.zeros(2)
     state, end, racket, normal = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
@@ -72,7 +72,7 @@ def landing_covariance(
     return out
 
 
-def landing_spread(ball: BallState, stroke: Stroke, flight_time: float, physics: Physics, errors: ErrorParams) -> float:
+def landing_rms(ball: BallState, stroke: Stroke, flight_time: float, physics: Physics, errors: StrikeErrorParams) -> float:
     """m, root mean square distance of landings from the goal under `errors`; inf for a stroke without a racket."""
     if stroke.racket is None:
         return math.inf

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
-from tt_core.court import meets_net, meets_surface
 from tt_core.errors import TtError
 from tt_core.flight import ease, fly_into, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState, RacketState, ReturnGoal
+from tt_core.table_contacts import meets_net, meets_surface
 
 from .impact import racket_for, spin_after
 

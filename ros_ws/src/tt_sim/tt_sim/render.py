@@ -17,9 +17,9 @@ from numba import njit
 from scipy.special import ndtri
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
+from tt_core.so3 import rotation_matrix
 from tt_core.states import Array, BallState
 from tt_vision.camera import Camera, project_point, ray
-from tt_vision.registration import rotation_matrix
 
 SAMPLES = 16  # rays a pixel, each at its own instant of the exposure: 0.5 grey levels rms
 FACE = 256  # texels along one face of the cube of a texture, 0.2 pixels in the image

@@ -26,8 +26,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.swing import Joints
 from tt_core.errors import TtError, check_range
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
@@ -39,22 +39,22 @@ from tt_core.ros.convert import (
     racket_to_message,
     stamp,
 )
+from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import LOOK, Input
+from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
-from tt_core.ros.run import run
-from tt_core.ros.status import Status
 from tt_core.states import BallState
 from tt_vision.rig import FRAME_RATE, high_speed_pair
 
-from .arm_record import ArmRecord
-from .drive import Drive, DriveParams
-from .hardware import Hardware, Tick, warm
-from .launcher import LauncherParams, shot
-from .plant import Plant, PlantParams
-from .scenario import Truth, load_world
-from .studio import Crew, Studio, Take
-from .wide import WideWatch
+from .cameras.render_worker import LaunchRenderer, RenderedLaunch, RenderWorker
+from .cameras.tracking_cameras import TrackingCameras
+from .simulated_robot import SimulatedRobot, Tick, warm
+from .world.arm_record import ArmRecord
+from .world.drive import Drive, DriveParams
+from .world.launcher import LauncherParams, shot
+from .world.plant import Plant, PlantParams
+from .world_file import WorldParams, load_world
 
 CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
 STORE = 2  # launches rendered ahead, at a rate
@@ -95,7 +95,7 @@ class Flight:
 
     number: int
     shot: str
-    take: Take
+    take: RenderedLaunch
     images: deque[tuple[float, float, int, Image]]
 
 
@@ -106,13 +106,13 @@ class SimNode(Node):
     def __init__(self) -> None:
         super().__init__("sim")
         self.params, name = declare(self, SimParams), parameter(self, "world", "")
-        own = Truth(declare_physics(self), plant=declare(self, PlantParams, "plant."))
+        own = WorldParams(declare_physics(self), plant=declare(self, PlantParams, "plant."))
         self.world = load_world(name) if name else own
         self.launcher = declare(self, LauncherParams, "launcher.")
         self.shots = [shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
         world = self.world
-        self.studio = Studio(self.params.seed, self.launcher, world.physics, world.vary, world.cameras)
-        self.crew = Crew(self.studio)
+        self.studio = LaunchRenderer(self.params.seed, self.launcher, world.physics, world.domain_randomization, world.cameras)
+        self.crew = RenderWorker(self.studio)
         self.cameras, self.arm = high_speed_pair(), ArmModel.pa10()
         self.plant = Plant(self.arm, self.world.plant)
         self.drive = Drive(self.arm.names, self.plant.limits[:, 2], declare(self, DriveParams))
@@ -200,7 +200,7 @@ class SimNode(Node):
         repeat = self.params.repeat
         if repeat and self.launched and self.launched % repeat == 0:
             self.crew.close()
-            self.crew = Crew(self.studio)
+            self.crew = RenderWorker(self.studio)
         kind, scale = self.coming
         self.launched += 1
         try:
@@ -228,9 +228,13 @@ class SimNode(Node):
     def keep_time(self) -> None:
         """Ticks at whole multiples, frames at their stamps, on a clock that runs `rtf` times the real one."""
         start, real_start, params = time.time(), time.monotonic(), self.params
-        hardware = Hardware(self.world.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick)
+        hardware = SimulatedRobot(
+            self.world.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick
+        )
         noise = np.random.default_rng(params.seed + 1)  # of the encoders; the other generator is the launches'
-        wide = WideWatch(self.world.wide, self.world.physics.air.coefficients, start, np.random.default_rng(params.seed + 2))
+        wide = TrackingCameras(
+            self.world.tracking_cameras, self.world.physics.air.coefficients, start, np.random.default_rng(params.seed + 2)
+        )
         record, record_told = ArmRecord(self.arm, hardware.joints), -np.inf
         late = deque[tuple[float, int, PointStamped]](maxlen=MOST_LATE)  # when they are due, s, which camera's, pixels on their way
         dark = [
@@ -287,7 +291,7 @@ class SimNode(Node):
                 self.status.tell(text, part="arm record", warn=not record.kept, **record.told())
             self.publish_truth(tick)
             for seen, side, pixel in wide.frames(tick, any(map(heard, self.pixels))):
-                late.append((seen + self.world.wide.latency, side, pixel_to_message(seen, pixel, f"{WIDE[side]}_optical")))
+                late.append((seen + self.world.tracking_cameras.latency, side, pixel_to_message(seen, pixel, f"{WIDE[side]}_optical")))
             while late and late[0][0] <= tick.joints.time:
                 _, side, message = late.popleft()
                 self.pixels[side].publish(message)

@@ -15,15 +15,15 @@ from sensor_msgs.msg import CameraInfo, Image
 from tt_core.errors import TtError, check_range
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import camera_to_message, image_to_message
-from tt_core.ros.listeners import is_heard
+from tt_core.ros.diagnostics import Status
+from tt_core.ros.discovery import is_heard
+from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, parameter
 from tt_core.ros.qos import LATCHED, SENSOR
-from tt_core.ros.run import run
-from tt_core.ros.status import Status
 
-from .devices import DeviceCounts, DeviceParams
+from .capture.devices import DeviceCounts, DeviceParams
+from .capture.sources import SIDES, Calibration, Shot, SourceError, SourceParams, calibrations, shots
 from .rig import high_speed_pair
-from .sources import SIDES, Calibration, Shot, SourceError, SourceParams, calibrations, shots
 
 
 @dataclass(frozen=True)

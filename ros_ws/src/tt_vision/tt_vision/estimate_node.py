@@ -14,20 +14,20 @@ from tt_core.constants import RPM
 from tt_core.errors import BadShape, TtError
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
+from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
+from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics, parameter
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
-from tt_core.ros.run import run
-from tt_core.ros.status import Status
 
-from .burst import SIDES, Assembler, Burst, BurstParams
 from .camera import Camera
-from .lens import Lens
-from .light import Lamps
+from .capture.burst import SIDES, Assembler, Burst, BurstParams
+from .detection.illumination import Lamps
+from .detection.lens_correction import Lens
 from .measure import measure, warm
-from .registration import SearchParams
 from .rig import high_speed_pair
+from .spin.registration import SearchParams
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500

@@ -13,11 +13,11 @@ from tt_core.flight import Aerodynamics
 from tt_core.states import Array, BallState
 
 from .camera import Camera
-from .centre import Image, Spot, find_ball
-from .light import Lamps
-from .motion import Motion, fit_motion
-from .registration import DEFAULT, SearchParams, prepare
-from .spin import SpinEstimate, check_frames, check_times, spin_and_motion
+from .detection.ball_detection import Image, Spot, find_ball
+from .detection.illumination import Lamps
+from .motion_fit import Motion, fit_motion
+from .spin.estimate import SpinEstimate, check_frames, check_times, spin_and_motion
+from .spin.registration import DEFAULT, SearchParams, prepare
 
 LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
 MOST_FRAMES = 10  # more add time and no accuracy

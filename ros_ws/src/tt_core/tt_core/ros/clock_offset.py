@@ -24,9 +24,9 @@ from sensor_msgs.msg import TimeReference
 from ..clock_offsets import ClockOffset, ClockOffsets
 from ..errors import TtError, check_range
 from .convert import seconds
+from .diagnostics import Status
 from .inputs import Input
 from .qos import SENSOR
-from .status import Status
 
 PING, PONG = "clock_offset/ping", "clock_offset/pong"
 PERIOD = 0.25  # s between two questions

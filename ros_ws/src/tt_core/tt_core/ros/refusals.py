@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 
-from .status import Status
+from .diagnostics import Status
 
 INTERVAL = 0.1  # s, at least, between two refusals that are told
 

@@ -1,0 +1,1 @@
+"""From a racket state to joint positions and speeds."""

@@ -1,0 +1,1 @@
+"""What keeps the arm, and the people near it, safe."""

@@ -1,0 +1,148 @@
+"""Which joint states are used: what is broken, old, repeated or impossible is refused before anything is computed from it.
+
+All ages are judged twice: by stamp against the clock, and by arrival on a monotonic clock. A deadline for silence runs on arrival only.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.errors import check_range
+from tt_core.failures import Failure
+from tt_core.states import Array
+
+from ..joints import Joints
+from ..model import ArmModel
+from .stops import ArmStop
+
+BEYOND = 1.0  # rad beyond a position limit, from where a number is no posture; the mechanical stops are nearer
+TIMES = 10.0  # times a speed limit, from where a number is no speed of this arm
+JUMP = 0.02  # rad, of noise, that two positions may differ by beyond what the speed limits allow
+LONGEST_DEADLINE = 0.3  # s, whatever the period of the joint states
+WINDOW = 15  # joint states whose median distance is their period
+
+
+@dataclass(frozen=True, slots=True)
+class JointStateParams:
+    """When joint states are used."""
+
+    silence: float = 0.020  # s without a valid joint state after which the arm brakes; the node looks each 2.5 ms
+    periods: float = 3.0  # of the joint states, which the same may last where they are slower
+    late: float = 0.1  # s, that a joint state may be old when it comes; a busy machine delays some by 50 ms
+    ahead: float = 0.005  # s, that its stamp may be ahead of the clock
+    overspeed: float = 1.2  # times a speed limit, for what two positions may differ by
+    difference: float = 0.010  # s, over which positions are differentiated where a driver sends no speeds
+
+    def __post_init__(self) -> None:
+        check_range("silence", self.silence, 1e-3, 10.0)
+        check_range("periods", self.periods, 1.0, 100.0)
+        check_range("late", self.late, 1e-3, 10.0)
+        check_range("ahead", self.ahead, 1e-4, 10.0)
+        check_range("overspeed", self.overspeed, 1.0, 100.0)
+        check_range("difference", self.difference, 1e-3, 1.0)
+
+
+class JointStateCheck:
+    """Accept or refuse joint states one by one.
+
+    Attributes:
+        params: What is accepted.
+        last: The newest joint state that was accepted, None before the first.
+        gap: Whether the last accepted one did not follow its predecessor within the deadline, by stamp or by arrival.
+    """
+
+    def __init__(self, model: ArmModel, params: JointStateParams | None = None) -> None:
+        """Begin without any joint state."""
+        self._model, self.params = model, params or JointStateParams()
+        self.last: Joints | None = None
+        self.gap = True
+        self._arrived = self._heard = -math.inf  # s, monotonic, when `last` came, and when any joint state did
+        self._periods: deque[float] = deque(maxlen=WINDOW)
+        self._positions: deque[tuple[float, Array]] = deque(maxlen=1000)  # of the last `difference` s, without a gap
+
+    @property
+    def deadline(self) -> float:
+        """Return how long (s) after the last valid joint state the arm begins to brake."""
+        period = statistics.median(self._periods) if self._periods else 0.0
+        return max(self.params.silence, min(self.params.periods * period, LONGEST_DEADLINE))
+
+    def silence(self, now: float) -> Failure | None:
+        """Return the failure when at `now` (s, monotonic) the last valid joint state came too long ago."""
+        age, bound = now - self._arrived, self.deadline
+        return Failure(ArmStop.SILENT, age=age, bound=bound) if age > bound else None
+
+    def accept(self, joints: Joints, now: float, clock: float | None = None, *, has_speeds: bool = True) -> Joints | Failure:
+        """Return the joint state to be used, or why this one is not.
+
+        Args:
+            joints: As measured.
+            now: s, monotonic, when it came.
+            clock: s, what the clock of the stamps showed then; None where there is no such clock.
+            has_speeds: False where the driver sends no speeds. They are then differences of positions.
+        """
+        silent, self._heard = now - self._heard > self.deadline, now
+        failure = self._impossible(joints) or self._untimely(joints, clock) or (None if silent else self._jumped(joints, now))
+        if failure is not None:
+            return failure
+        last, deadline = self.last, self.deadline
+        self.gap = last is None or now - self._arrived > deadline or not 0.0 < joints.time - last.time <= deadline
+        if self.gap:
+            self._positions.clear()
+        else:
+            self._periods.append(now - self._arrived)
+        self._arrived = now
+        if not has_speeds:
+            joints = self._differentiated(joints)
+        self.last = joints
+        return joints
+
+    def _impossible(self, joints: Joints) -> Failure | None:
+        """What no sound sensor of this arm can tell."""
+        (low, high), names = self._model.position_limits.T, self._model.names
+        beyond, shares = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
+        i, k = int(beyond.argmax()), int(shares.argmax())
+        if beyond[i] > BEYOND:
+            return Failure(ArmStop.NO_POSTURE, joint=names[i], value=float(joints.q[i]), beyond=float(beyond[i]))
+        if shares[k] > TIMES:
+            return Failure(ArmStop.NO_SPEED, joint=names[k], value=float(joints.qdot[k]), share=float(shares[k]))
+        return None
+
+    def _untimely(self, joints: Joints, clock: float | None) -> Failure | None:
+        """Old, ahead, or no newer than the last one, unless the clock itself went back since."""
+        params, last = self.params, self.last
+        if clock is not None and joints.time > clock + params.ahead:
+            return Failure(ArmStop.AHEAD, age=joints.time - clock, bound=params.ahead)
+        if clock is not None and joints.time < clock - params.late:
+            return Failure(ArmStop.OLD, age=clock - joints.time, bound=params.late)
+        clock_went_back = last is not None and clock is not None and last.time > clock + params.ahead
+        if last is not None and joints.time <= last.time and not clock_went_back:
+            return Failure(ArmStop.NOT_NEWER, stamp=joints.time, last=last.time)
+        return None
+
+    def _jumped(self, joints: Joints, now: float) -> Failure | None:
+        """Further from the last one than the joints can move since then; after silence the arm may have been moved by other means."""
+        last = self.last
+        if last is None:
+            return None
+        passed = max(joints.time - last.time, now - self._arrived, 0.0)
+        moved, possible = np.abs(joints.q - last.q), self.params.overspeed * self._model.speed_limits * passed + JUMP
+        i = int((moved - possible).argmax())
+        if moved[i] > possible[i]:
+            name = self._model.names[i]
+            return Failure(ArmStop.JUMP, joint=name, value=float(moved[i]), passed=passed, bound=float(possible[i]))
+        return None
+
+    def _differentiated(self, joints: Joints) -> Joints:
+        """The same with speeds from the positions of the last `difference` s; zero until there are so many."""
+        positions = self._positions
+        positions.append((joints.time, joints.q))
+        while len(positions) > 2 and joints.time - positions[1][0] >= self.params.difference:
+            positions.popleft()
+        time, q = positions[0]
+        passed = joints.time - time
+        qdot = (joints.q - q) / passed if passed >= self.params.difference else np.zeros(len(joints.q))
+        return Joints(joints.time, joints.q, qdot)

@@ -1,0 +1,107 @@
+"""Which of the candidate strokes the arm takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from tt_core.errors import TtError, check_range
+from tt_core.failures import Failure
+from tt_core.states import RacketState
+
+from .joints import Joints
+from .model import ArmModel
+from .reach import Reach, ReachParams, adjust, reach
+from .swing import Swing, SwingLimits, strike
+
+HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
+
+
+@dataclass(frozen=True, slots=True)
+class SelectionParams:
+    """How long the arm looks among the candidates."""
+
+    tries: int = 6  # candidates that are worked out until one can be made, 1 ms each
+    hurried: int = 12  # candidates that are all worked out when balls come one after the other
+    spare: float = 0.02  # s, that the posture should leave to spare, if there is one
+    method: str = "best"  # of `reach`; "liu" for comparison
+
+    def __post_init__(self) -> None:
+        check_range("tries", self.tries, 1, 100)
+        check_range("hurried", self.hurried, 1, 100)
+        check_range("spare", self.spare, 0.0, 1.0)
+        if self.method not in ("best", "near", "liu"):
+            raise TtError(f"method {self.method!r} is none of best, near, liu")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Choice:
+    """A stroke that the arm can make in time.
+
+    index: of the candidate; None when no candidate can be taken. reasons: of the others that were tried, in order. refused: why none was
+    tried, or None.
+    """
+
+    index: int | None
+    racket: RacketState | None
+    reach: Reach | None
+    swing: Swing | None
+    reasons: tuple[str, ...]
+    refused: Failure | None = None
+
+
+def apart(one: RacketState, other: RacketState) -> float:
+    """m, how far `one` passes from where `other` wants the face, plus what its tilt makes over 2 cm and its speed in 5 ms."""
+    position = one.position + one.velocity * (other.time - one.time)
+    tilt, speed = np.linalg.norm(one.normal - other.normal), np.linalg.norm(one.velocity - other.velocity)
+    return float(np.linalg.norm(position - other.position) + 0.02 * tilt + 0.005 * speed)
+
+
+def choose(
+    model: ArmModel,
+    rackets: Sequence[RacketState],
+    start: Joints,
+    limits: SwingLimits,
+    reaching: ReachParams,
+    params: SelectionParams,
+    current: tuple[RacketState, Reach] | None = None,
+    hurried: bool = False,
+) -> Choice:
+    """The first candidate that the arm can make from `start` in time, within its limits.
+
+    current: the stroke on its way, adjusted where it can be. hurried: the candidate after which the arm waits again soonest instead, for
+    another ball comes at once. A stroke out of reach raises nothing: it is a reason.
+    """
+    reasons: list[str] = []
+    if current is not None and rackets:
+        nearest = min(range(len(rackets)), key=lambda i: apart(current[0], rackets[i]))
+        target = adjust(model, rackets[nearest], current[1])
+        swing, _, reason = strike(model, start, target, rackets[nearest].time, limits)
+        if swing is not None:
+            return Choice(nearest, rackets[nearest], target, swing, ())
+        reasons.append(f"{nearest} adjusted: {reason}")
+    found: tuple[int, RacketState, Reach, Swing] | None = None
+    tries = params.hurried if hurried else params.tries
+    for i, racket in enumerate(rackets[:tries]):
+        left = racket.time - start.time - limits.ramp
+        # at the last in time at any price; the search knows what the jerk limit takes only nearly, hence a quarter
+        for spare, weight in ((params.spare, reaching.return_weight), (0.25 * params.spare, 0.0)):
+            time = min(10.0, max(0.05, left - spare))
+            timeout = limits.command_timeout
+            given = replace(reaching, swing_time=time, acceleration=limits.acceleration, return_weight=weight, command_timeout=timeout)
+            target = reach(model, racket, start.q, given, qdot=start.qdot, method=params.method)
+            swing, earliest, reason = strike(model, start, target, racket.time, limits)
+            if swing is not None or earliest - racket.time > HOPELESS:
+                break
+        if swing is None:
+            reasons.append(f"{i}: {reason}")
+        elif found is None or swing.end_time < found[3].end_time:
+            found = i, racket, target, swing
+        if found is not None and not hurried:
+            break
+    if found is not None:
+        return Choice(*found, tuple(reasons))
+    if len(rackets) > tries:
+        reasons.append(f"{tries} to {len(rackets) - 1}: not tried")
+    return Choice(None, None, None, None, tuple(reasons))

@@ -1,0 +1,1 @@
+"""Joint motion in time within limits."""

@@ -1,0 +1,136 @@
+"""One ball's figures: what was true, measured, asked and reached."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from tt_core.constants import RPM
+from tt_core.flight import Aerodynamics, fly
+from tt_core.states import BallState, ReturnGoal
+
+SEEN_WITHIN = 0.5  # s from the launch to the last frame of its measurement
+
+
+@dataclass(frozen=True)
+class DemoMetrics:
+    """Of one ball; what did not happen is None. Spins: rad/s. hit_place: m, the ball's centre at the racket."""
+
+    kind: str
+    seen: bool
+    hit: bool
+    landed: bool
+    reason: str | None
+    speed_true: float | None  # m/s, at the time of the measurement
+    speed_measured: float | None
+    spin_true: list[float]
+    spin_measured: list[float] | None
+    spin_error_rpm: float | None
+    hit_place: list[float] | None
+    hit_error_m: float | None  # from the centre of the racket's face
+    landing_asked: list[float]
+    landing_reached: list[float] | None
+    flight_time_asked: float
+    time_error_s: float | None
+    return_spin_asked: list[float]  # y, z
+    return_spin_reached: list[float] | None
+    latency_ms: float | None  # from the last frame to the first joint command
+
+    def as_dict(self) -> dict[str, object]:
+        return asdict(self)
+
+
+def _ball(text: str) -> BallState | None:
+    row = json.loads(text)
+    return BallState.from_vector(row[0], np.array(row[1:])) if row else None
+
+
+def demo_metrics(
+    told: dict[str, str],
+    goal: ReturnGoal,
+    measured: BallState | None,
+    latency_ms: float | None,
+    refusal: str | None,
+    air: Aerodynamics,
+) -> DemoMetrics:
+    """told: what the simulator tells on /diagnostics of a ball that is over. refusal: the last complaint of the robot about it."""
+    launched, hit, after, landing = (_ball(told[key]) for key in ("launched", "hit", "after_hit", "landing"))
+    assert launched is not None
+    if measured and not launched.time < measured.time < launched.time + SEEN_WITHIN:
+        measured = None  # of an earlier ball
+    true = None
+    if measured:
+        true = BallState.from_vector(measured.time, fly(launched.vector, measured.time - launched.time, air.coefficients))
+    result = told["result"]
+    reason = None if result == "returned" else result if measured and not refusal else refusal or "not seen"
+    spin_true = (true or launched).spin
+    return DemoMetrics(
+        kind=told["shot"],
+        seen=measured is not None,
+        hit=hit is not None,
+        landed=result == "returned",
+        reason=reason,
+        speed_true=float(np.linalg.norm(true.velocity)) if true else None,
+        speed_measured=float(np.linalg.norm(measured.velocity)) if measured else None,
+        spin_true=spin_true.tolist(),
+        spin_measured=measured.spin.tolist() if measured else None,
+        spin_error_rpm=float(np.linalg.norm(measured.spin - spin_true)) / RPM if measured else None,
+        hit_place=hit.position.tolist() if hit else None,
+        hit_error_m=float(told["offset"]) if hit else None,
+        landing_asked=goal.landing.tolist(),
+        landing_reached=landing.position[:2].tolist() if landing else None,
+        flight_time_asked=goal.flight_time,
+        time_error_s=landing.time - hit.time - goal.flight_time if landing and hit else None,
+        return_spin_asked=[goal.spin_y, goal.spin_z],
+        return_spin_reached=after.spin[1:].tolist() if after else None,
+        latency_ms=latency_ms,
+    )
+
+
+COLUMNS = (
+    ("ball", "", 7),
+    ("speed, m/s", "true meas.", 10),
+    ("spin, rpm", "true meas.", 10),
+    ("off", "rpm", 3),
+    ("hit at x, y, z", "m", 16),
+    ("off", "mm", 4),
+    ("landing x, y", "m", 12),
+    ("off", "mm", 4),
+    ("flight time, s", "asked got", 14),
+    ("spin y, z, rad/s", "asked got", 17),
+    ("latency", "ms", 7),
+)
+HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS) for row in (0, 1))
+
+
+def line(s: DemoMetrics) -> str:
+    """One line under HEADER; what did not happen stays blank, and the reason stands at the end."""
+
+    def places(v: list[float] | None, form: str, between: str = " ") -> str:
+        return "" if v is None else between.join(format(x + 0.0, form) for x in v)
+
+    def number(x: float | None, form: str, scale: float = 1.0) -> str:
+        return "" if x is None else format(scale * x, form)
+
+    def pair(one: str, other: str) -> str:
+        return f"{one} {other}".strip()
+
+    off = None if s.landing_reached is None else float(np.hypot(*np.subtract(s.landing_reached, s.landing_asked)))
+    rpm = [None if v is None else float(np.linalg.norm(v)) / RPM for v in (s.spin_true, s.spin_measured)]
+    reached = None if s.time_error_s is None else s.flight_time_asked + s.time_error_s
+    cells = (
+        s.kind,
+        pair(number(s.speed_true, ".2f"), number(s.speed_measured, ".2f")),
+        pair(number(rpm[0], ".0f"), number(rpm[1], ".0f")),
+        number(s.spin_error_rpm, ".0f"),
+        places(s.hit_place, ".2f"),
+        number(s.hit_error_m, ".1f", 1e3),
+        places(s.landing_reached, ".3f"),
+        number(off, ".0f", 1e3),
+        pair(f"{s.flight_time_asked:.3f}", number(reached, ".3f")),
+        pair(places(s.return_spin_asked, ".0f", ","), places(s.return_spin_reached, ".0f", ",")),
+        number(s.latency_ms, ".0f"),
+    )
+    row = "  ".join(f"{cell:^{column[2]}}" for cell, column in zip(cells, COLUMNS, strict=True))
+    return row if s.reason is None else f"{row}  {s.reason}"

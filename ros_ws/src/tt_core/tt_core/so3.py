@@ -1,0 +1,35 @@
+"""Rotations in three dimensions, as kernels; scipy's Rotation where speed does not matter."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from .states import Array
+
+
+@njit(cache=True, nogil=True)
+def rotation_matrix(v: Array) -> Array:
+    """Return the (3, 3) rotation by the rotation vector v (3,) rad: the exponential of its cross product matrix (Rodrigues)."""
+    angle2 = float(v @ v)
+    angle = math.sqrt(angle2)
+    a, b = 1.0, 0.5
+    if angle > 1e-9:
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
+    k = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.eye(3) + a * k + b * (k @ k)
+
+
+@njit(cache=True, nogil=True)
+def left_jacobian(v: Array) -> Array:
+    """Return the (3, 3) left Jacobian J at v (3,) rad: exp(v + d) = exp(J d) exp(v) to first order in d."""
+    angle2 = float(v @ v)
+    angle = math.sqrt(angle2)
+    if angle < 1e-4:
+        a, b = 0.5, 1.0 / 6.0
+    else:
+        a, b = (1.0 - math.cos(angle)) / angle2, (angle - math.sin(angle)) / (angle2 * angle)
+    k = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.eye(3) + a * k + b * (k @ k)

@@ -1,0 +1,1 @@
+"""Whole rallies without ROS, and their scores."""

@@ -1,0 +1,97 @@
+"""Strokes as they come in play, for the arm alone: no images, a ball known exactly, an arm with lag and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from tt_arm.control import ArmControl
+from tt_arm.joints import Joints
+from tt_arm.model import ArmModel
+from tt_arm.safety.clearance import clearance
+from tt_core.physics import Physics
+from tt_core.states import Array, RacketState
+from tt_predict.rollout import StopRule, rollout
+from tt_racket.goal import GoalParams, default_goal
+from tt_racket.intercept import InterceptParams, intercept
+from tt_sim.world.launcher import LauncherParams, launch
+from tt_sim.world.plant import Plant, PlantParams
+
+TICK = 0.002  # s
+STROKES_AT = 0.08  # s after the launch, when the strokes are at the arm: six frames and the latency of the chain
+UNTIL_X = -0.5  # m, how far the path is predicted
+LONGEST = 4.0  # s, given to the stroke and the way back
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmTrial:
+    """What came of one ball.
+
+    strokes: how many candidates there were. reason: None when one was made. turning: rad/s, of the face at the strike. spare: s, between
+    the earliest possible strike and the strike. back: s, from the strike to waiting. miss: m, and tilt: rad, of the racket at the strike.
+    In the plant's own record: room: rad to the nearest position limit; speed: largest share of a speed limit; acceleration: rad/s^2, the
+    largest; clear: m, the least clearance. guarded: what the guard said.
+    """
+
+    strokes: int
+    reason: str | None
+    turning: float
+    spare: float
+    back: float
+    miss: float
+    tilt: float
+    room: float
+    speed: float
+    acceleration: float
+    clear: float
+    guarded: frozenset[str]
+
+
+def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
+    """The candidates for a ball launched at 0 s at random; none when it does not come within reach. Raises TtError as `launch` does."""
+    physics = Physics.liu()
+    ball, _ = launch(kind, scale, LauncherParams(), np.random.default_rng(seed))
+    path = rollout(ball, physics, StopRule.at_x(UNTIL_X))
+    found = intercept(path, default_goal(ball.spin, GoalParams()), physics, InterceptParams())
+    return [stroke.racket for stroke in found.strokes if stroke.racket is not None]
+
+
+def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantParams, seed: int) -> ArmTrial:
+    """The arm with these candidates (s after the launch): planned, made tick by tick, and back to waiting."""
+    control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
+    control.enable(True)
+    joints, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, []
+    miss, tilt, end = np.nan, np.nan, LONGEST
+    while joints.time < end:
+        step = control.step(plant.measured(joints, rng))
+        guarded |= {step.reason.code.name} if step.reason else set()
+        if choice is None and joints.time >= STROKES_AT:
+            choice = control.take(rackets)
+            end = joints.time + 0.2 if choice.swing is None else choice.swing.end_time + 0.1
+        if choice is not None and choice.racket is not None and 0.0 <= choice.racket.time - joints.time < TICK:
+            there = plant.racket(joints, step.command, choice.racket.time - joints.time)
+            miss = float(np.linalg.norm(there.position - choice.racket.position))
+            tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ choice.racket.normal))))
+        joints = plant.advance(joints, step.command, TICK)
+        rows.append([*joints.q, *joints.qdot])
+    record: Array = np.array(rows)
+    q, qdot = record[:, :7], record[:, 7:]
+    made = choice is not None and choice.swing is not None and choice.reach is not None
+    return ArmTrial(
+        strokes=len(rackets),
+        reason=None if made else _reason(choice.reasons if choice else ()),
+        turning=choice.reach.turning if made else np.nan,  # type: ignore[union-attr]
+        spare=choice.swing.strike_time - choice.swing.earliest if made else np.nan,  # type: ignore[union-attr]
+        back=choice.swing.end_time - choice.swing.strike_time if made else np.nan,  # type: ignore[union-attr]
+        miss=miss,
+        tilt=tilt,
+        room=float(np.minimum(q - model.position_limits[:, 0], model.position_limits[:, 1] - q).min()),
+        speed=float((np.abs(qdot) / model.speed_limits).max()),
+        acceleration=float(np.abs(np.diff(qdot, axis=0)).max() / TICK),
+        clear=min(clearance(row, model.chain)[0] for row in q),
+        guarded=frozenset(guarded),
+    )
+
+
+def _reason(reasons: tuple[str, ...]) -> str:
+    return reasons[0] if reasons else "no stroke"

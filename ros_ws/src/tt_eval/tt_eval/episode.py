@@ -1,0 +1,369 @@
+"""Balls from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
+
+With images the ball is measured from them; without, `sight` says what is measured. `swift` plays the swing; where the guard or the motors
+would have a say, the ticks are played. At a rate one arm plays a session of balls, tick by tick, and meets each from where the ones
+before have left it.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_arm.control import ArmControl
+from tt_arm.joints import Joints
+from tt_arm.model import ArmModel
+from tt_arm.stroke_selection import Choice, SelectionParams
+from tt_arm.swing import Swing
+from tt_arm.swing import plan as plan_swing
+from tt_core.constants import TABLE_WIDTH
+from tt_core.flight import fly
+from tt_core.physics import Physics
+from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
+from tt_predict.rollout import StopRule, rollout
+from tt_racket.baselines import specular
+from tt_racket.goal import default_goal
+from tt_racket.intercept import Candidates, hit_points, intercept
+from tt_racket.stroke import Stroke, solve
+from tt_sim.cameras.camera_faults import arrivals
+from tt_sim.cameras.camera_sequence import camera_sequence
+from tt_sim.cameras.tracking_cameras import Sightings
+from tt_sim.render import Scene, Texture
+from tt_sim.simulated_robot import SimulatedRobot
+from tt_sim.world import rotation_machine
+from tt_sim.world.launcher import launch
+from tt_sim.world.outcome import Outcome
+from tt_sim.world.plant import Plant
+from tt_vision.camera import Camera
+from tt_vision.capture.burst import Assembler
+from tt_vision.measure import Measurement, measure
+from tt_vision.rig import VIEW_CENTRE, high_speed_pair
+
+from . import rallies
+from .fast_swing import rally
+from .scenario import Robot, Scenario
+from .sensor_error_model import SensorErrorModel, last_frame
+from .video_scoring import score_from_video
+
+UNTIL_X = -0.5  # m, how far the path is predicted
+LONGEST = 4.0  # s, simulated, after which a ball is given up
+TEXTURES = 20  # balls that are marked differently
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What is drawn before anything is played. cameras: where they really stand, for which the robot has them calibrated."""
+
+    scenario: Scenario
+    seed: int
+    kind: str
+    scale: int
+    ball: BallState
+    orientation: Array
+    physics: Physics
+    cameras: tuple[Camera, ...]
+    rng: np.random.Generator
+
+    @classmethod
+    def drawn(cls, scenario: Scenario, seed: int, time: float = 0.0) -> Trial:
+        """Launched at `time` (s). Raises TtError for shots that are not there."""
+        rng, cameras = np.random.default_rng(seed), _cameras()
+        kind, scale = scenario.shot(seed)
+        if scenario.shots == "catapult":
+            ball, orientation = launch(kind, scale, scenario.launcher, rng)
+        else:
+            if scenario.shots == "rotation":
+                ball = rotation_machine.ball(seed)
+            else:
+                known = rallies.shots() if scenario.ball is None else (scenario.ball,)
+                ball = known[rng.integers(len(known))]
+            kind, scale, orientation = scenario.shots, 0, Rotation.random(rng=rng).as_matrix()
+            cameras = tuple(_aimed(camera, ball) for camera in cameras)  # type: ignore[assignment]
+        physics = scenario.world.domain_randomization.draw(scenario.world.physics, rng)
+        if scenario.shots == "rotation":
+            physics = replace(physics, air=rotation_machine.HELD)
+        ball = BallState.from_vector(ball.time + time, ball.vector)
+        return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, rng)
+
+    def seen(self) -> tuple[Measurement | None, BallState | None]:
+        """What the cameras make of the rendered ball, and the ball measured. None when it does not make a burst, or is refused."""
+        scene, assembler = Scene(texture=_texture(self.seed % TEXTURES)), Assembler()
+        frames = camera_sequence(self.ball, self.orientation, self.cameras, scene, self.physics, self.rng)
+        for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
+            burst = assembler.add(side, stamp, image)
+            if burst is not None:
+                air = self.scenario.robot.physics.air
+                measurement = measure(burst.left, burst.right, burst.times, self.cameras, air=air, spots=burst.spots)
+                return measurement, measurement.ball
+        return None, None
+
+    def guessed(self) -> BallState | None:
+        """What the cameras would make of it, by the error model of their world."""
+        world, time = self.scenario.world, last_frame(self.ball, self.cameras, self.physics)
+        sight = SensorErrorModel.load(world.sensor_error_model)
+        if time is None or self.rng.uniform() < sight.refused:
+            return None
+        true = fly(self.ball.vector, time - self.ball.time, self.physics.air.coefficients)
+        return sight.measured(BallState.from_vector(time + world.cameras.clock_offset, true), self.rng)
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """Everything that happened, as far as it came. measured: the ball as the robot has it, None when it has none. measurement: of images.
+    joints: (n, 15) time s, q rad, qdot rad/s of every tick, at a rate from its launch on."""
+
+    trial: Trial
+    outcome: Outcome
+    goal: ReturnGoal | None
+    measurement: Measurement | None
+    measured: BallState | None
+    path: BallPath | None
+    candidates: Candidates | None
+    choice: Choice | None
+    joints: Array
+
+    @functools.cached_property
+    def sightings(self) -> Sightings:
+        """What two wide cameras saw of it."""
+        trial = self.trial
+        return Sightings.of(
+            self.outcome, trial.physics.air.coefficients, trial.scenario.world.tracking_cameras, np.random.default_rng([trial.seed, 1])
+        )
+
+    @functools.cached_property
+    def judged(self) -> Outcome:
+        """What became of the ball by those cameras alone, their evaluator knowing the air of this world, but not that of this ball."""
+        return score_from_video(self.sightings, self.trial.scenario.world.physics.air.coefficients)
+
+    @property
+    def reason(self) -> str | None:
+        """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
+        return self._reason(self.outcome)
+
+    @property
+    def miss(self) -> str | None:
+        """The kind of failure, one of MISSES; None when the ball came back."""
+        return self._miss(self.outcome)
+
+    @property
+    def judged_miss(self) -> str | None:
+        """The same by the wide cameras, and by what the robot tells of itself."""
+        return self._miss(self.judged)
+
+    def _reason(self, outcome: Outcome) -> str | None:
+        if outcome.result == "returned":
+            return None
+        if self.measured is None:
+            return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
+        if self.candidates is None or not self.candidates.strokes:
+            refused = {reason for _, reason in self.candidates.refused} if self.candidates else set()
+            return f"no stroke: {'; '.join(sorted(refused)) or 'the ball does not come within reach'}"
+        if self.choice is None or self.choice.index is None:
+            return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
+        return outcome.result
+
+    def _miss(self, outcome: Outcome) -> str | None:
+        reason = self._reason(outcome)
+        if reason is None:
+            return None
+        if self.measured is None:
+            return "refused spin" if self.measurement and self.measurement.spin else "not seen"
+        if reason.startswith("no stroke"):
+            slow = Counter("racket speed" in why for _, why in self.candidates.refused) if self.candidates else Counter()
+            return "racket too slow" if slow[True] > slow[False] else "out of reach"
+        if reason.startswith("arm"):
+            reasons = self.choice.reasons if self.choice else ()
+            if not reasons or any("too soon" in why or "only" in why for why in reasons):
+                return "too late"
+            return "racket too slow" if any("speed limits" in why or "torque" in why for why in reasons) else "out of reach"
+        return {"own half": "short", "off the table": self._beyond(outcome)}.get(reason, reason)
+
+    def _beyond(self, outcome: Outcome) -> str:
+        """Long or wide: where a ball that went past the table came down to its height."""
+        landing = outcome.landing
+        if landing is None:
+            return "long"
+        row, air = landing.before.vector, self.trial.physics.air.coefficients
+        while row[2] < self.trial.physics.contact_height and row[5] < 0.0:
+            row = fly(row, -0.002, air)
+        return "long" if 0.0 <= row[1] <= TABLE_WIDTH else "wide"
+
+
+MISSES = (
+    "not seen", "refused spin", "out of reach", "too late", "racket too slow",
+    "missed", "net", "long", "wide", "short", "double bounce", "second hit", "flying",
+)  # fmt: skip
+
+
+@functools.cache
+def _cameras() -> tuple[Camera, Camera]:
+    return high_speed_pair()
+
+
+@functools.cache
+def _texture(seed: int) -> Texture:
+    return Texture.drawn(seed)
+
+
+@functools.cache
+def _arm() -> ArmModel:
+    return ArmModel.pa10()
+
+
+@functools.cache
+def _rest() -> Swing:
+    """What the arm follows while it waits, from 0 s on."""
+    return plan_swing(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
+
+
+def _aimed(camera: Camera, ball: BallState) -> Camera:
+    """Moved along to where the ball is after the first frames, as cameras that follow the opponent's racket would be."""
+    shift = ball.position + 0.008 * ball.velocity - VIEW_CENTRE
+    return replace(camera, translation=camera.translation - camera.rotation @ shift)
+
+
+def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
+    """The strokes of that robot: `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
+    if robot.stroke == "exact":
+        return intercept(path, goal, robot.physics, robot.intercept)
+    found, refused = list[Stroke](), []
+    for ball in hit_points(path, robot.intercept):
+        if robot.stroke == "sam":
+            stroke = solve(ball, goal, robot.physics, method="sam", racket_speed=robot.intercept.racket_speed)
+        else:
+            stroke = specular(ball, goal, robot.physics)
+        if stroke.racket is None:
+            refused.append((ball, stroke.reason or ""))
+        elif np.linalg.norm(stroke.racket.velocity) > robot.intercept.racket_speed:
+            refused.append((ball, f"racket speed is over {robot.intercept.racket_speed:g} m/s"))
+        else:
+            found.append(stroke)
+    found.sort(key=lambda stroke: float(np.linalg.norm(stroke.racket.velocity)) if stroke.racket else 0.0)
+    return Candidates(tuple(found), tuple(refused))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What the robot makes of a ball before its arm comes in. due: s, when the strokes are at the arm, inf for none."""
+
+    measurement: Measurement | None = None
+    measured: BallState | None = None
+    goal: ReturnGoal | None = None
+    path: BallPath | None = None
+    candidates: Candidates | None = None
+    due: float = np.inf
+
+    @classmethod
+    def of(cls, trial: Trial) -> Plan:
+        scenario, robot, cameras = trial.scenario, trial.scenario.robot, trial.scenario.world.cameras
+        measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
+        if measured is None:
+            return cls(measurement)
+        believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
+        path = rollout(believed, robot.physics, StopRule.at_x(UNTIL_X))
+        goal = scenario.goal or default_goal(measured.spin, robot.default_goal)
+        due = measured.time - cameras.clock_offset + cameras.latency + robot.latency
+        return cls(measurement, measured, goal, path, answered(path, goal, robot), due)
+
+    @property
+    def rackets(self) -> list[RacketState]:
+        """The strokes, best first."""
+        return [stroke.racket for stroke in self.candidates.strokes if stroke.racket] if self.candidates else []
+
+
+def play(scenario: Scenario, seed: int) -> Episode:
+    """The whole rally of one ball, at a rate with the session that it is of. Raises TtError for a scenario that cannot be played."""
+    if scenario.balls > 1:
+        return session(scenario, seed // scenario.balls)[seed % scenario.balls]
+    trial = Trial.drawn(scenario, seed)
+    plan, control, plant = Plan.of(trial), _control(scenario.robot), Plant(_arm(), scenario.world.plant)
+    done = _swiftly(trial, control, plant, plan)
+    return _episode(trial, plan, *done) if done else _tick_by_tick([trial], [plan], control, plant, trial.rng)[0]
+
+
+def session(scenario: Scenario, number: int) -> list[Episode]:
+    """The balls of one session, launched at the scenario's rate, met by one arm; number: counts sessions from 0."""
+    first, period = number * scenario.balls, 60.0 / scenario.launcher.rate if scenario.launcher.rate else 0.0
+    trials = [Trial.drawn(scenario, first + i, i * period) for i in range(scenario.balls)]
+    plans = [Plan.of(trial) for trial in trials]
+    plant = Plant(_arm(), scenario.world.plant)
+    return _tick_by_tick(trials, plans, _control(scenario.robot), plant, np.random.default_rng([first, 2]))
+
+
+def _control(robot: Robot) -> ArmControl:
+    control = ArmControl(_arm(), choosing=SelectionParams(method=robot.reach))
+    control.enable(True)
+    return control
+
+
+def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: Choice | None, joints: Array) -> Episode:
+    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, choice, joints)
+
+
+Played = tuple[Outcome, "Choice | None", Array]
+
+
+def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
+    """None when the ticks must be played."""
+    tick, choice, time = trial.scenario.tick, None, 0.0
+    if plan.candidates is not None and plan.due < LONGEST:
+        time = tick * np.ceil(plan.due / tick)
+        control.joints = Joints(time, control.model.waiting, np.zeros(7))
+        control.swing = replace(_rest(), start=control.joints, end_time=time)
+        choice = control.take(plan.rackets)
+    swing = choice.swing if choice is not None and choice.index is not None else None
+    done = rally(trial.ball, swing, time, trial.physics, plant, tick, LONGEST, trial.rng)
+    if done is None:
+        control.enable(True)
+        return None
+    return Outcome(trial.ball, done[0]), choice, done[1]
+
+
+def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
+    """The balls in the order of their launches, until nothing more happens to any. rng: of the encoders."""
+    tick_time, model = trials[0].scenario.tick, control.model
+    hardware = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
+    outcomes, choices, ends = list[Outcome](), dict[int, Choice](), dict[int, int]()
+    command, record, open_plans = np.zeros(7), list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
+    while len(ends) < len(trials) and hardware.joints.time < trials[-1].ball.time + LONGEST:
+        if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= hardware.joints.time + tick_time:
+            outcomes.append(hardware.launch(trials[len(outcomes)].ball, trials[len(outcomes)].physics))
+        tick = hardware.advance(command)
+        record.append([tick.joints.time, *tick.joints.q, *tick.joints.qdot])
+        ends |= {outcomes.index(outcome): len(record) for outcome in tick.ended}
+        if len(ends) == len(trials):
+            break
+        command = control.step(plant.measured(tick.joints, rng)).command
+        while open_plans and plans[open_plans[0]].due <= tick.joints.time:
+            i = open_plans.pop(0)
+            choices[i] = control.take(plans[i].rackets)
+    joints = np.array(record)
+    starts = np.searchsorted(joints[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
+    return [
+        _episode(trial, plan, outcome, choices.get(i), joints[starts[i] : ends.get(i)])
+        for i, (trial, plan, outcome) in enumerate(zip(trials, plans, outcomes, strict=True))
+    ]
+
+
+def landing_error(episode: Episode) -> float | None:
+    """m, from the asked landing place to the reached one; None when the ball did not come to the table."""
+    landing, goal = episode.outcome.landing, episode.goal
+    if landing is None or goal is None or landing.surface != "table":
+        return None
+    return float(np.hypot(*(landing.before.position[:2] - goal.landing)))
+
+
+def truth(episode: Episode, stamp: float) -> Array:
+    """(9,) the launched ball at a stamp (s) of its cameras, while it is in their view."""
+    trial, time = episode.trial, stamp - episode.trial.scenario.world.cameras.clock_offset
+    return np.asarray(fly(trial.ball.vector, time - trial.ball.time, trial.physics.air.coefficients))
+
+
+def spin_error(episode: Episode) -> float | None:
+    """rad/s, of the measured spin vector against the true one at the same instant; None without a measurement."""
+    if episode.measured is None:
+        return None
+    return float(np.linalg.norm(truth(episode, episode.measured.time)[6:] - episode.measured.spin))

@@ -1,0 +1,295 @@
+"""What sweeps came to: tables, and a page of figures. ros2 run tt_eval evaluate liu.parquet real.parquet --page out.html."""
+
+from __future__ import annotations
+
+import argparse
+import html
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+import pyarrow.parquet as pq
+from plotly.subplots import make_subplots
+from pyarrow import ArrowException
+from rich.console import Console
+from rich.table import Table
+from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.errors import TtError
+from tt_core.states import Array
+from tt_sim.cameras.tracking_cameras import believed
+from tt_sim.world.outcome import Outcome
+from tt_vision.camera import triangulate
+
+from .episode import MISSES, Episode, play
+from .scenario import load
+from .sweep_metrics import NUMBERS, TEXTS
+
+RETURNS = (
+    "balls", "hit, %", "on the table, %", "landing off, cm: median", "95 %", "flight time off, ms: median", "95 %",
+    "spin off, rad/s: median", "95 %", "missed because",
+)  # fmt: skip
+JUDGE = ("landing x, mm", "landing y, mm", "flight time, ms", "spin about y, rad/s", "spin about z, rad/s", "miss told otherwise, balls")
+ROBOT = (
+    "measured, %", "measured spin off, rpm: median", "95 %", "its speed within 200 rpm, %", "its axis within 15 deg, %",
+    "arm waits again after, s: 95 %",
+)  # fmt: skip
+AXIS = 14.07  # deg, acos 0.97: the dissertation's 15 deg (Section 2.5.1)
+SHOWN = 2000  # balls of a sweep whose dots are drawn; browsers show few figures that use the graphics card
+BLUE, RED, GREEN, GREY = "#1b5e9b", "#c0392b", "#2d8a4e", "#444"
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """name: of the scenario. numbers: by column. misses, judged: why each ball did not come back, "" for a return, in truth and by the wide
+    cameras."""
+
+    name: str
+    numbers: dict[str, Array]
+    misses: list[str]
+    judged: list[str]
+
+    @classmethod
+    def read(cls, file: Path) -> Sweep:
+        """Raises TtError for a file that is none of `ros2 run tt_eval sweep`."""
+        try:
+            table = pq.read_table(file)
+        except (ArrowException, OSError) as error:
+            raise TtError(f"{file} is no Parquet file: {str(error).splitlines()[0]}") from error
+        missing = [name for name in (*TEXTS, *NUMBERS) if name not in table.column_names]
+        if missing:
+            raise TtError(f"{file} has no column {missing[0]}: sweep it again")
+        name = (table.schema.metadata or {}).get(b"scenario", file.stem.encode()).decode()
+        texts = (table[name].to_pylist() for name in ("miss", "judged_miss"))
+        return cls(name, {column: table[column].to_numpy() for column in NUMBERS}, *texts)
+
+
+def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:
+    """Median and 95 % of the absolute values that are there, times `scale`; NaN without any."""
+    there = np.abs(values[np.isfinite(values)]) * scale
+    return (float(np.median(there)), float(np.percentile(there, 95))) if len(there) else (float("nan"), float("nan"))
+
+
+def why(misses: Sequence[str]) -> dict[str, int]:
+    """How often each reason of MISSES, the frequent first."""
+    counts = {miss: list(misses).count(miss) for miss in MISSES}
+    return {miss: n for miss, n in sorted(counts.items(), key=lambda item: -item[1]) if n}
+
+
+def _cell(value: float, digits: int = 1) -> str:
+    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
+
+
+def returns(numbers: dict[str, Array], misses: Sequence[str], who: str = "") -> list[str]:
+    """The cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras tell."""
+    shares = [100.0 * float(numbers[f"{who}{name}"].mean()) for name in ("hit", "landed")]
+    errors = (("landing_error", 100.0), ("time_error", 1e3), ("return_spin_error", 1.0))
+    cells = [_cell(v) for v in (*shares, *(v for name, scale in errors for v in percentiles(numbers[f"{who}{name}"], scale)))]
+    return [str(len(misses)), *cells, ", ".join(f"{miss} {n}" for miss, n in why(misses).items()) or "none"]
+
+
+def judge_errors(sweep: Sweep) -> list[str]:
+    """The cells of JUDGE: judged minus true, mean and standard deviation over the balls that came back in both."""
+    cells = []
+    for name, scale in (("landing_x", 1e3), ("landing_y", 1e3), ("flight_time", 1e3), ("spin_y", 1.0), ("spin_z", 1.0)):
+        off = scale * (sweep.numbers[f"judged_{name}"] - sweep.numbers[name])
+        off = off[np.isfinite(off)]
+        cells.append(f"{off.mean():+.2f} ± {off.std():.2f}" if len(off) else "-")
+    return [*cells, str(sum(one != other for one, other in zip(sweep.misses, sweep.judged, strict=True)))]
+
+
+def robot(numbers: dict[str, Array]) -> list[str]:
+    """The cells of ROBOT."""
+    seen = numbers["seen"] == 1.0
+    speed, axis = np.abs(numbers["measured_speed_error_rpm"][seen]) < 200.0, numbers["measured_axis_error_deg"][seen] < AXIS
+    shares = [100.0 * float(np.mean(right)) if len(right) else float("nan") for right in (speed, axis)]
+    spin, back = percentiles(numbers["measured_spin_error_rpm"]), percentiles(numbers["arm_back"])[1]
+    return [*(_cell(v) for v in (100.0 * float(seen.mean()), *spin, *shares)), _cell(back, 2)]
+
+
+Rows = list[tuple[str, ...]]  # of a table, its heads first
+
+
+def tables(sweeps: Sequence[Sweep]) -> dict[str, Rows]:
+    """By title: the rows of each, a column or two for each sweep."""
+    heads = [head for sweep in sweeps for head in (sweep.name, "as judged")]
+    cells = [c for s in sweeps for c in (returns(s.numbers, s.misses), returns(s.numbers, s.judged, "judged_"))]
+    names = ("", *(sweep.name for sweep in sweeps))
+    return {
+        "Returns: the truth, and as judged by two wide cameras": [("", *heads), *zip(RETURNS, *cells, strict=True)],
+        "The judge's own error: mean ± standard deviation": [names, *zip(JUDGE, *map(judge_errors, sweeps), strict=True)],
+        "Measurement and arm": [names, *zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)],
+    }
+
+
+def _field(figure: go.Figure, height: float | None = None, **where: int) -> None:
+    """Draws the table and its net, from above, or from the side up to `height` (m, of the net)."""
+    low, high = (0.0, TABLE_WIDTH) if height is None else (0.0, height)
+    line = {"color": GREY}
+    figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=low, y1=high if height is None else 0.0, line={"color": BLUE}, **where)
+    figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=low, y1=high, line=line, **where)
+
+
+def scatter(numbers: dict[str, Array]) -> go.Figure:
+    """Where returns land on the table, in truth and as judged."""
+    figure = go.Figure()
+    _field(figure)
+    for name, who, colour in (("true", "", BLUE), ("judged", "judged_", RED)):
+        marker = {"size": 4, "color": colour, "opacity": 0.4, "symbol": "circle" if not who else "cross-thin", "line": {"color": colour}}
+        marker["line"]["width"] = 1 if who else 0  # type: ignore[index]
+        figure.add_scatter(x=numbers[f"{who}landing_x"], y=numbers[f"{who}landing_y"], mode="markers", marker=marker, name=name)
+    asked = np.unique(np.column_stack([numbers["asked_x"], numbers["asked_y"]])[np.isfinite(numbers["asked_x"])], axis=0)
+    figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker={"symbol": "x", "size": 9, "color": GREEN}, name="asked")
+    figure.update_yaxes(title_text="y, m", scaleanchor="x", range=[-0.1, TABLE_WIDTH + 0.1])
+    return figure.update_layout(title="Landing places", height=560, xaxis={"title": "x, m (the robot is left)", "range": [-0.1, 2.84]})
+
+
+def causes(numbers: dict[str, Array]) -> go.Figure:
+    """Errors of the landing and of the measured spin against spin and speed of the launched ball."""
+    errors = (("landing_error", 100.0, "landing off, cm"), ("measured_spin_error_rpm", 1.0, "measured spin off, rpm"))
+    there = [error for error in errors if np.isfinite(numbers[error[0]]).any()]
+    figure = make_subplots(rows=max(1, len(there)), cols=2, shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.06)
+    for row, (error, scale, name) in enumerate(there, 1):
+        for column, (cause, title) in enumerate((("spin_rpm", "spin, rpm"), ("speed", "speed, m/s")), 1):
+            dots = {
+                "x": numbers[cause],
+                "y": scale * numbers[error],
+                "mode": "markers",
+                "marker": {"size": 4, "color": BLUE, "opacity": 0.4},
+            }
+            figure.add_scatter(**dots, row=row, col=column)
+            figure.update_xaxes(title_text=f"{title} of the launched ball", row=len(there), col=column)
+        figure.update_yaxes(title_text=name, rangemode="tozero", row=row, col=1)
+    return figure.update_layout(title="Error against spin and speed", showlegend=False, height=160 + 260 * len(there))
+
+
+def judged_off(numbers: dict[str, Array]) -> go.Figure:
+    """The judge's own error, ball by ball: landing place, flight time, spin."""
+    titles = ("landing place, mm", "flight time, ms", "spin about y and z, rad/s")
+    figure = make_subplots(rows=1, cols=3, subplot_titles=titles)
+    off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
+    marker = {"size": 4, "color": BLUE, "opacity": 0.4}
+    figure.add_scatter(x=1e3 * off["landing_x"], y=1e3 * off["landing_y"], mode="markers", marker=marker, row=1, col=1)
+    figure.add_histogram(x=1e3 * off["flight_time"], marker_color=BLUE, row=1, col=2)
+    figure.add_scatter(x=off["spin_y"], y=off["spin_z"], mode="markers", marker=marker, row=1, col=3)
+    figure.update_yaxes(title_text="balls", row=1, col=2)
+    return figure.update_layout(title="The judge's own error: judged minus true", showlegend=False, height=400)
+
+
+def reasons(misses: Sequence[str], judged: Sequence[str]) -> go.Figure:
+    true, told = why(misses), why(judged)
+    names = [*true, *(name for name in told if name not in true)]
+    figure = go.Figure()
+    for name, counts, colour in (("true", true, BLUE), ("judged", told, RED)):
+        figure.add_bar(x=names, y=[counts.get(miss, 0) for miss in names], name=name, marker_color=colour)
+    if not names:
+        figure.add_annotation(text="none was missed", showarrow=False, font={"size": 16}, xref="paper", yref="paper", x=0.5, y=0.5)
+        figure.update_xaxes(visible=False).update_yaxes(visible=False)
+    return figure.update_layout(title="Why balls were missed", height=360, yaxis_title="balls")
+
+
+def one_ball(episode: Episode) -> go.Figure:
+    """As dissertation Figures 4.7 to 4.10: the ball from the side and from above, and its returning way over time. Dots: as the wide
+    cameras saw it; lines: as the judge fits it; what was asked: grey in place, green in time."""
+    titles = ("from the side", "from above", "x after the hit", "y after the hit", "z after the hit")
+    places = [{"colspan": 3}, None, None]
+    figure = make_subplots(rows=3, cols=3, specs=[places, places, [{}, {}, {}]], subplot_titles=titles, vertical_spacing=0.09)
+    _field(figure, NET_HEIGHT, row=1, col=1)
+    _field(figure, row=2, col=1)
+    seen = np.column_stack([episode.sightings.times, triangulate(believed(), episode.sightings.pixels)])
+    judged, goal, air = episode.judged, episode.goal, episode.trial.scenario.world.physics.air.coefficients
+    hit, fit = judged.hit.before.time if judged.hit else np.inf, flown(judged, air)
+    for name, part, symbol, colour in (("coming", seen[:, 0] <= hit, "star", BLUE), ("returning", seen[:, 0] > hit, "circle", "#111")):
+        marker, rows = {"symbol": symbol, "size": 5, "color": colour}, seen[part]
+        for row, axis in ((1, 3), (2, 2)):
+            figure.add_scatter(x=rows[:, 1], y=rows[:, axis], name=name, mode="markers", marker=marker, showlegend=row == 1, row=row, col=1)
+    fit = fit[fit[:, 0] >= hit]
+    for row, axis in ((1, 3), (2, 2)):
+        figure.add_scatter(x=fit[:, 1], y=fit[:, axis], name="fitted", line={"color": RED}, showlegend=row == 1, row=row, col=1)
+    rows = seen[seen[:, 0] > hit]
+    for k in range(3):
+        if goal is None:
+            break
+        marker = {"size": 4, "color": "#111"}
+        figure.add_scatter(x=rows[:, 0] - hit, y=rows[:, k + 1], mode="markers", marker=marker, showlegend=False, row=3, col=k + 1)
+        figure.add_scatter(x=fit[:, 0] - hit, y=fit[:, k + 1], line={"color": RED}, showlegend=False, row=3, col=k + 1)
+        wanted = (*goal.landing, episode.trial.scenario.robot.physics.contact_height)
+        figure.add_hline(y=wanted[k], line={"color": GREY}, row=3, col=k + 1)
+        figure.add_vline(x=goal.flight_time, line={"color": GREEN}, row=3, col=k + 1)
+        figure.update_xaxes(title_text="s", row=3, col=k + 1)
+    figure.update_yaxes(title_text="z, m", row=1, col=1).update_yaxes(title_text="y, m", row=2, col=1)
+    figure.update_xaxes(title_text="x, m (the robot is left)", row=2, col=1)
+    title = f"One ball as two wide cameras saw it, {episode.trial.kind} {episode.trial.scale} (Figures 4.7 to 4.10)"
+    return figure.update_layout(title=title, height=900)
+
+
+def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
+    """(n, 4) time s and place m of the ball from launch to landing, every `step` s and at contacts. air: coefficients."""
+    start = outcome.launched.time
+    end = outcome.landing.before.time if outcome.landing else outcome.followed_until(start + 1.0)
+    contacts = [contact.before.time for contact in outcome.contacts if contact.before.time < end]
+    times = np.unique([*np.arange(start, end, step), *contacts, end])
+    return np.column_stack([times, outcome.places(times, air)])
+
+
+STYLE = """
+body { font: 15px sans-serif; max-width: 1100px; margin: 2em auto; color: #222 }
+table { border-collapse: collapse; margin-bottom: 1.5em }
+td, th { padding: .25em .8em; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd }
+td:first-child { color: #555; white-space: nowrap }
+h2 { border-bottom: 2px solid #1b5e9b; padding-bottom: .2em; margin-top: 2em }
+"""
+
+
+def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
+    """One HTML page that needs no network."""
+    parts = []
+    for title, (head, *rows) in tables(sweeps).items():
+        lines = [_line("th", head), *(_line("td", row) for row in rows)]
+        parts.append(f"<h3>{html.escape(title)}</h3><table>{''.join(lines)}</table>")
+    sections = [("One ball", [one_ball(ball)])] if ball is not None else []
+    for s in sweeps:
+        shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
+        figures = [scatter(shown), causes(shown), judged_off(shown)] if landed else [causes(shown)]
+        sections.append((s.name, [*figures, reasons(s.misses, s.judged)]))
+    first = True
+    for name, figures in sections:
+        parts.append(f"<h2>{html.escape(name)}</h2>")
+        for figure in figures:
+            figure.update_layout(template="plotly_white", legend={"itemsizing": "constant"})
+            parts.append(figure.to_html(full_html=False, include_plotlyjs=first))
+            first = False
+    return f"<!doctype html><meta charset=utf-8><title>Rallies</title><style>{STYLE}</style><h1>Rallies</h1>{''.join(parts)}"
+
+
+def _line(tag: str, cells: Sequence[str]) -> str:
+    return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
+    parser.add_argument("files", type=Path, nargs="+", help="of `ros2 run tt_eval sweep`")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="figures, as HTML")
+    parser.add_argument("--ball", default="liu", metavar="SCENARIO", help="of the one ball on the page (default liu)")
+    parser.add_argument("--seed", type=int, default=1, help="of that ball (default 1: back spin)")
+    args = parser.parse_args()
+    try:
+        sweeps = [Sweep.read(file) for file in args.files]
+        ball = play(load(args.ball, images=False), args.seed) if args.page else None
+    except TtError as error:
+        print(f"evaluate: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    for title, (head, *rows) in tables(sweeps).items():
+        table = Table(*head, title=title, title_justify="left")
+        for row in rows:
+            table.add_row(*row)
+        Console().print(table)
+    if args.page:
+        args.page.write_text(page(sweeps, ball))
+        print(args.page)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,125 @@
+"""The catapult machine, as Tables 2.1 to 2.3 and Figures 2.17 to 2.20 of the dissertation show it."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+from rich.console import Console
+from rich.table import Table
+from scipy.spatial import cKDTree
+from tt_core.constants import RPM
+from tt_core.so3 import rotation_matrix
+from tt_core.states import Array
+from tt_sim.render import Texture
+from tt_sim.world.launcher import LauncherParams, launch
+from tt_vision.detection.ball_detection import find_ball
+from tt_vision.measure import measure
+from tt_vision.rig import VIEW_CENTRE
+from tt_vision.spin.dissertation import centres_by_four_points, inscribed_square, method_2, velocity_by_least_squares
+
+from ..synthetic_bursts import Burst, Conditions, film
+
+SHOTS = (("top", 3), ("top", 4), ("top", 4), ("top", 5), ("back", 4), ("left", 4), ("right", 4))
+PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed with the sign of w_y flipped
+    0: "5.57 m/s, 2737 rpm, 32 ms, IN 8",
+    1: "6.37 m/s, 3188 rpm, 47 ms, IN 10",
+    2: "6.25 m/s, 3253 rpm, 47 ms, IN 10",
+    3: "7.29 m/s, 3630 rpm, 47 ms, IN 12",
+}
+CAMERA = 1  # "say Camera 2"
+
+
+def shots(runs: int) -> Iterator[tuple[int, int, Burst]]:
+    """Number of the shot, of the trial, and images."""
+    rng = np.random.default_rng(0)
+    for n, (kind, scale) in enumerate(SHOTS):
+        for trial in range(runs):
+            shot, _ = launch(kind, scale, LauncherParams(), rng)
+            yield n, trial, film(np.array(VIEW_CENTRE), shot.velocity, shot.spin, Texture.drawn((n + trial) % 20), Conditions(), rng)
+
+
+def run(runs: int) -> list[go.Figure]:
+    """Prints speed, spin, time and iterations of the first of `runs` trials and the errors over all; returns Figures 2.17 to 2.20."""
+    heads = (
+        "shot",
+        "true: m/s, rpm",
+        "as printed: m/s, rpm, E, ms, IN",
+        "off, median: m/s, rpm",
+        "ours: m/s, rpm, ms",
+        "ours off, median: m/s, rpm",
+    )
+    table = Table(*heads, "printed")
+    traces: list[tuple[str, list[tuple[float, Array]]]] = []
+    pictures: list[go.Figure] = []
+    for n, filmed in itertools.groupby(shots(runs), key=lambda shot: shot[0]):
+        (kind, scale), misses = SHOTS[n], []
+        for _, trial, burst in filmed:
+            spots = [[find_ball(image) for image in row] for row in burst.images]
+            trace: list[tuple[float, Array]] = []
+            start = time.perf_counter()
+            spin, error, count = method_2(burst.images, spots, burst.times, burst.cameras, trace=trace)
+            velocity = velocity_by_least_squares(centres_by_four_points(burst.images, spots, burst.cameras)[1], burst.times)
+            middle = time.perf_counter()
+            ours = measure(burst.images[0], burst.images[1], burst.times, burst.cameras).ball
+            end = time.perf_counter()
+            printed = (np.linalg.norm(velocity - burst.ball.velocity), np.linalg.norm(spin - burst.ball.spin) / RPM)
+            if ours is not None:
+                miss = ours.vector - burst.ball.vector
+                misses.append((*printed, np.linalg.norm(miss[3:6]), np.linalg.norm(miss[6:]) / RPM))
+            if trial == 0:
+                first = [
+                    f"{np.linalg.norm(burst.ball.velocity):.2f}, {np.linalg.norm(burst.ball.spin) / RPM:.0f}",
+                    f"{np.linalg.norm(velocity):.2f}, {np.linalg.norm(spin) / RPM:.0f}, {error:.0f}, {1e3 * (middle - start):.0f}, {count}",
+                    "refused"
+                    if ours is None
+                    else f"{np.linalg.norm(ours.velocity):.2f}, {np.linalg.norm(ours.spin) / RPM:.0f}, {1e3 * (end - middle):.0f}",
+                ]
+                traces.append((f"{kind} {scale}, shot {n + 1}", trace))
+                if (kind, scale) == ("top", 4):
+                    pictures.append(_pictures(burst, spots, spin, f"Figure 2.{18 + len(pictures) + 1}: top 4, shot {n + 1}"))
+        slow, off, speed, spin_off = np.median(misses, axis=0) if misses else (np.nan,) * 4
+        ours_off = f"{speed:.4f}, {spin_off:.1f}"
+        table.add_row(f"{kind} {scale}", first[0], first[1], f"{slow:.3f}, {off:.0f}", first[2], ours_off, PRINTED.get(n, ""))
+    Console(width=170).print(table)
+    return [*_convergence(traces), *pictures]
+
+
+def _convergence(traces: list[tuple[str, list[tuple[float, Array]]]]) -> list[go.Figure]:
+    objective, speed = go.Figure(), go.Figure()
+    for name, trace in traces:
+        steps = list(range(1, len(trace) + 1))
+        objective.add_scatter(x=steps, y=[error for error, _ in trace], name=name)
+        speed.add_scatter(x=steps, y=[np.linalg.norm(spin) / RPM for _, spin in trace], name=name)
+    objective.update_layout(title="Figure 2.17: objective E by iteration of Method 2", xaxis_title="iteration", yaxis_title="E")
+    speed.update_layout(title="Figure 2.18: estimated speed by iteration of Method 2", xaxis_title="iteration", yaxis_title="rpm")
+    return [objective, speed]
+
+
+def _pictures(burst: Burst, spots: list, spin: Array, title: str) -> go.Figure:
+    """(a) a frame, (b) its square, (c) the next frame's as estimated from it, (d) the next frame, (e) its square, (f) the residual."""
+    camera, images = burst.cameras[CAMERA], burst.images[CAMERA].astype(np.float32)
+    pixels, positions = centres_by_four_points(burst.images, spots, burst.cameras)
+    centres = positions @ camera.rotation.T + camera.translation
+    half = 0.5 * np.sqrt(2.0) * camera.focal_pixels * 0.02 / centres[:, 2].mean()
+    arms, greys = inscribed_square(images, pixels[CAMERA], centres, camera.vector, half)
+    known = ~np.isnan(arms[0, :, 0])
+    turned = arms[0, known] @ rotation_matrix(camera.rotation @ spin * (burst.times[1] - burst.times[0])).T + centres[1]
+    at = camera.project((turned - camera.translation) @ camera.rotation)
+    v, u = np.mgrid[: camera.height, : camera.width]
+    _, which = cKDTree(at).query(np.stack([u, v], axis=-1).reshape(-1, 2), distance_upper_bound=1.0)  # nearest point, (2.27), (2.31)
+    estimated = np.append(greys[0, known], np.nan)[which].reshape(u.shape)
+    inside = [np.maximum(np.abs(u - x), np.abs(v - y)) <= half for x, y in pixels[CAMERA, :2]]
+    residual = np.where(inside[1], images[1] - estimated, np.nan)
+    panels = (images[0], np.where(inside[0], images[0], np.nan), estimated, images[1], np.where(inside[1], images[1], np.nan), residual)
+    names = ("(a) frame k", "(b) its square", "(c) estimated k + 1", "(d) frame k + 1", "(e) its square", "(f) residual")
+    figure = make_subplots(2, 3, subplot_titles=names)
+    for n, panel in enumerate(panels):
+        scale = {"zmin": -100, "zmax": 100, "colorscale": "RdBu"} if n == 5 else {"zmin": 0, "zmax": 255, "colorscale": "Greys_r"}
+        figure.add_heatmap(z=panel, showscale=False, row=n // 3 + 1, col=n % 3 + 1, **scale)
+    figure.update_yaxes(autorange="reversed").update_layout(title=title, height=700, width=1000)
+    return figure

@@ -1,0 +1,34 @@
+"""ros2 run tt_eval experiment rotation|catapult|beyond [--runs N] [--out DIRECTORY]."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tt_vision.measure import warm
+from tt_vision.rig import high_speed_pair
+
+from . import catapult, robustness, rotation
+
+EXPERIMENTS = {"rotation": rotation, "catapult": catapult, "robustness": robustness}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="experiment", description=__doc__)
+    parser.add_argument("name", choices=EXPERIMENTS)
+    parser.add_argument("--runs", type=int, default=10, help="bursts for each row (default 10)")
+    parser.add_argument("--out", type=Path, default=Path(), help="directory of the figures (default here)")
+    args = parser.parse_args()
+    if args.runs < 1:
+        parser.error(f"--runs {args.runs} is not positive")
+    args.out.mkdir(parents=True, exist_ok=True)
+    warm(high_speed_pair())
+    figures = EXPERIMENTS[args.name].run(args.runs)
+    path = args.out / f"{args.name}.html"
+    parts = [figure.to_html(full_html=False, include_plotlyjs=i == 0) for i, figure in enumerate(figures)]
+    path.write_text(f"<!doctype html><meta charset=utf-8><title>{args.name}</title>{''.join(parts)}")
+    print(f"figures: {path}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Fits the measurement's error models to rendered balls, all of `sensor_error_models/` anew: ros2 run tt_eval fit_sensor_error."""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+from tt_core.errors import TtError
+from tt_core.flight import fly
+from tt_core.states import Array, BallState
+from tt_sim.world.launcher import SCALES
+from tt_vision.rig import VIEW_CENTRE
+
+from .episode import Trial
+from .scenario import HOME, Scenario, load
+from .sensor_error_model import SensorErrorModel, last_frame
+
+FEWEST = 50  # measured balls that a fit needs
+SLOW, SPUN = 3.0, 700.0  # m/s, rad/s: every other ball of a fit is slower than SLOW, down to rest; spins about any axis up to SPUN
+SCENARIOS = ("liu", "real", "harsh")  # a world of each sight
+
+
+def drawn(scenario: Scenario, seed: int) -> Trial:
+    """A ball of the catapult, all scales by turns, and every other time one that drifts through the middle of the view or is held there."""
+    number, slow = divmod(seed, 2)
+    if not slow:
+        return Trial.drawn(replace(scenario, scale=tuple(range(SCALES[0], SCALES[1] + 1))), number)
+    rng = np.random.default_rng([seed, 3])
+    ways = rng.normal(size=(2, 3))
+    way, axis = ways / np.linalg.norm(ways, axis=1)[:, None]
+    place = np.array(VIEW_CENTRE) + rng.uniform(-0.01, 0.01, 3)
+    ball = BallState(0.0, place, rng.uniform(0.0, SLOW) * way, rng.uniform(0.0, SPUN) * axis)
+    return Trial.drawn(replace(scenario, shots="given", ball=ball), seed)
+
+
+def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
+    """Of one rendered ball: whether it passes the cameras; and error (9,), speed and spin (11,), None when it was not measured."""
+    trial = drawn(scenario, seed)
+    passes = last_frame(trial.ball, trial.cameras, trial.physics) is not None
+    measured = trial.seen()[1] if passes else None
+    if measured is None:
+        return passes, None
+    true = fly(trial.ball.vector, measured.time - scenario.world.cameras.clock_offset - trial.ball.time, trial.physics.air.coefficients)
+    return passes, np.array([*(measured.vector - true), np.linalg.norm(true[3:6]), np.linalg.norm(true[6:])])
+
+
+def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
+    """From that many rendered balls, see `drawn`, on all cores. Raises TtError when hardly any is measured."""
+    with ProcessPoolExecutor() as pool:
+        seen = pool.map(functools.partial(errors_seen, scenario), range(balls), chunksize=4)
+        done = list(track(seen, total=balls, description="balls"))
+    rows = np.array([row for _, row in done if row is not None])
+    if len(rows) < FEWEST:
+        raise TtError(f"{len(rows)} of {balls} balls were measured, {FEWEST} needed")
+    return SensorErrorModel.fitted(rows[:, :9], rows[:, 9], rows[:, 10], 1.0 - len(rows) / sum(passes for passes, _ in done))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="fit_sensor_error", description=__doc__)
+    parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=f"whose cameras see the balls (default {', '.join(SCENARIOS)})")
+    parser.add_argument("--balls", type=int, default=800, help="rendered for each fit (default 800)")
+    parser.add_argument(
+        "--out", type=Path, default=HOME / "sensor_error_models", metavar="DIRECTORY", help="of the models (default: where they are read)"
+    )
+    args = parser.parse_args()
+    if args.balls < FEWEST:
+        parser.error(f"--balls {args.balls} is less than {FEWEST}")
+    try:
+        scenarios = [load(name) for name in args.scenarios or SCENARIOS]
+        for name, scenario in zip(args.scenarios or SCENARIOS, scenarios, strict=True):
+            file = args.out / f"{scenario.world.sensor_error_model}.yaml"
+            fit(scenario, args.balls).save(file, f"Fitted to {args.balls} rendered balls: ros2 run tt_eval fit_sensor_error {name}")
+            print(file)
+    except TtError as error:
+        print(f"fit_sensor_error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+
+
+if __name__ == "__main__":
+    main()

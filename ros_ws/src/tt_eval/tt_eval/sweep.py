@@ -1,0 +1,129 @@
+"""Many balls of one scenario into a Parquet file: ros2 run tt_eval sweep liu --balls 10000 --out run.parquet.
+
+A ball's seed is its number, so a sweep is the same however it is cut, wherever it runs and however often it was interrupted: finished parts
+lie in FILE.parts until all are there, and only missing ones are played again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack
+from multiprocessing import get_context
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from tt_core.errors import TtError
+
+from .episode import Trial, play, session
+from .scenario import Scenario, load
+from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
+
+PART = 250  # balls of one task
+AHEAD = 3  # tasks for each worker that wait, no more
+SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
+
+
+def part(scenario: Scenario, first: int, last: int) -> pa.Table:
+    """Balls first to last - 1, a row each; at a rate the sessions that they are of are played as a whole."""
+    if scenario.balls == 1:
+        return pa.Table.from_pylist([sweep_metrics(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
+    numbers = range(first // scenario.balls, -(-last // scenario.balls))
+    played = (episode for number in numbers for episode in session(scenario, number))
+    return pa.Table.from_pylist([sweep_metrics(episode) for episode in played if first <= episode.trial.seed < last], SCHEMA)
+
+
+def fingerprint(scenario: Scenario, balls: int, size: int) -> str:
+    """Of what makes the rows, so that nothing else is resumed."""
+    return hashlib.sha256(repr((scenario, balls, size)).encode()).hexdigest()[:16]
+
+
+def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor, workers: int) -> Iterator[tuple[int, pa.Table]]:
+    """(first ball, rows) as they are done; few wait at a time, so that memory stays flat."""
+    left, running = iter(missing), dict[Future[pa.Table], int]()
+    while True:
+        while len(running) < AHEAD * workers and (task := next(left, None)) is not None:
+            running[executor.submit(part, scenario, *task)] = task[0]
+        if not running:
+            return
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            yield running.pop(future), future.result()
+
+
+def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = PART) -> None:
+    """Plays what is not played yet and writes `out`. scheduler: address of a Dask scheduler instead of processes of this machine.
+
+    Raises TtError when other balls lie in the parts, or when there are no such balls, before anything is played.
+    """
+    Trial.drawn(scenario, 0)
+    folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
+    told = folder / "scenario.json"
+    if told.is_file() and json.loads(told.read_text())["fingerprint"] != mark:
+        raise TtError(f"{folder} holds parts of another sweep; remove it or write to another file")
+    folder.mkdir(parents=True, exist_ok=True)
+    told.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
+    tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
+    missing = [task for task in tasks if not (folder / f"{task[0]:09d}.parquet").is_file()]
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with ExitStack() as stack:
+        bar = stack.enter_context(Progress(*columns, disable=not sys.stderr.isatty()))
+        row = bar.add_task("balls", total=balls, completed=balls - sum(last - first for first, last in missing))
+        executor, count = _executor(stack, scheduler, workers)
+        for first, table in parts(scenario, missing, executor, count):
+            half = folder / f"{first:09d}.half"
+            pq.write_table(table, half)
+            half.rename(half.with_suffix(".parquet"))  # whole or not there
+            bar.advance(row, table.num_rows)
+    half = out.with_name(out.name + ".half")
+    with pq.ParquetWriter(half, SCHEMA.with_metadata({"scenario": scenario.name, "fingerprint": mark})) as writer:
+        for first, _ in tasks:
+            writer.write_table(pq.read_table(folder / f"{first:09d}.parquet"))
+    half.rename(out)
+    shutil.rmtree(folder)
+
+
+def _executor(stack: ExitStack, scheduler: str | None, workers: int | None) -> tuple[Executor, int]:
+    if scheduler is None:
+        workers = workers or os.cpu_count() or 1
+        return stack.enter_context(ProcessPoolExecutor(workers, get_context("spawn"))), workers
+    from distributed import Client
+
+    try:
+        client = stack.enter_context(Client(scheduler, timeout="10s"))
+    except OSError as error:
+        raise TtError(f"no Dask scheduler at {scheduler}: {error}") from error
+    return stack.enter_context(client.get_executor(pure=False)), max(1, sum(client.nthreads().values()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="sweep", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenario", help="a name of those here, or a YAML file")
+    parser.add_argument("--balls", type=int, default=1000, metavar="N", help="default 1000")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="Parquet, a row for each ball")
+    parser.add_argument("--robot", help="this robot instead of the scenario's")
+    parser.add_argument("--world", help="this world instead of the scenario's")
+    parser.add_argument("--images", action="store_true", help="render and measure images, fifty times as slow as their error model")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster, whose workers have this workspace")
+    args = parser.parse_args()
+    if args.balls < 1 or (args.workers is not None and args.workers < 1):
+        parser.error(f"--balls {args.balls} and --workers {args.workers} must be at least 1")
+    try:
+        scenario = load(args.scenario, args.robot, args.world, images=args.images)
+        sweep(scenario, args.balls, args.out, args.scheduler, args.workers)
+    except TtError as error:
+        print(f"sweep: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    print(args.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Random bursts of images with the truth, under conditions that can be made worse one by one."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_core.constants import RPM
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+from tt_sim.domain_randomization import DomainRandomization
+from tt_sim.render import Lamps, Noise, Texture, render
+from tt_vision.camera import Camera
+from tt_vision.detection.illumination import Lamps as KnownLamps
+from tt_vision.rig import EXPOSURE, FRAME_RATE, VIEW_CENTRE, high_speed_pair
+
+VARIED = DomainRandomization(drag=0.04, lift=0.10)  # from ball to ball, as in the world `real`
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Of a burst.
+
+    frames: pairs. frame_rate: 1/s. exposure: s. slowest, fastest: rpm, about any axis. blobs, coverage: marks on the ball and the part of
+    it that they cover. pose_angle, pose_shift: rad and m, standard deviation by which the cameras do not stand where the estimator thinks.
+    """
+
+    frames: int = 6  # the dissertation's K
+    frame_rate: float = FRAME_RATE
+    exposure: float = EXPOSURE
+    slowest: float = 0.0
+    fastest: float = 9000.0
+    blobs: int = 12
+    coverage: float = 0.13
+    gloss: float = 0.04
+    pose_angle: float = 0.0
+    pose_shift: float = 0.0
+    lamps: Lamps = field(default_factory=Lamps)
+    noise: Noise = field(default_factory=Noise)
+
+
+@dataclass(frozen=True, eq=False)
+class Burst:
+    """images: (2, k, h, w). times: (k,) s. ball: the truth at the last frame. cameras: as the estimator believes them to stand."""
+
+    images: Any
+    times: Array
+    ball: BallState
+    cameras: tuple[Camera, ...]
+
+
+def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> Iterator[Burst]:
+    """Balls of 3 to 8 m/s near the middle of the view, spinning about any axis; they fly as measured balls do, no two alike."""
+    c = conditions or Conditions()
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        direction = np.array([-1.0, rng.uniform(-0.08, 0.08), rng.uniform(-0.1, 0.35)])
+        velocity = rng.uniform(3.0, 8.0) * direction / np.linalg.norm(direction)
+        axis = rng.standard_normal(3)
+        spin = rng.uniform(c.slowest, c.fastest) * RPM * axis / np.linalg.norm(axis)
+        middle = np.array(VIEW_CENTRE) + rng.uniform(-0.012, 0.012, 3)
+        texture = replace(_drawn(int(rng.integers(20)), c.blobs, c.coverage), gloss=c.gloss)
+        yield film(middle, velocity, spin, texture, c, rng)
+
+
+@functools.cache
+def _drawn(seed: int, blobs: int, coverage: float) -> Texture:
+    return Texture.drawn(seed, blobs=blobs, coverage=coverage)
+
+
+def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: Conditions, rng: np.random.Generator) -> Burst:
+    """The ball passes `middle` (3,) m half way through the burst with velocity (3,) m/s and spin (3,) rad/s, turned at random."""
+    c = conditions
+    first = Rotation.random(random_state=int(rng.integers(1 << 31)))
+    times = rng.uniform(0.0, 100.0) + np.arange(c.frames) / c.frame_rate
+    pull = VARIED.draw(Physics.measured(), rng).air.acceleration(velocity, spin) if velocity.any() else np.zeros(3)
+    cameras = high_speed_pair()
+    images = []
+    for tau in times - times.mean():
+        ball = BallState(times.mean() + tau, middle + tau * velocity + 0.5 * tau**2 * pull, velocity + tau * pull, spin)
+        turned = (Rotation.from_rotvec(tau * spin) * first).as_matrix()
+        images.append([render(camera, ball, turned, texture, c.lamps, c.exposure, c.noise, rng) for camera in cameras])
+    believed = tuple(_moved(camera, c, rng) for camera in cameras)
+    return Burst(np.swapaxes(np.array(images), 0, 1), times, ball, believed)
+
+
+def _moved(camera: Camera, c: Conditions, rng: np.random.Generator) -> Camera:
+    if not (c.pose_angle or c.pose_shift):
+        return camera
+    turn = Rotation.from_rotvec(rng.normal(0.0, c.pose_angle, 3)).as_matrix()
+    return replace(camera, rotation=turn @ camera.rotation, translation=camera.translation + rng.normal(0.0, c.pose_shift, 3))
+
+
+def known(lamps: Lamps) -> KnownLamps:
+    """The lamps as a calibration would give them: places and strengths, no flicker, no gloss."""
+    each = lamps.lamps
+    return KnownLamps(np.array([lamp.position for lamp in each]), np.array([lamp.strength for lamp in each]), lamps.ambient)

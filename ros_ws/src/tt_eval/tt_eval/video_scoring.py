@@ -1,0 +1,152 @@
+"""The evaluation as the dissertation's: from what two wide cameras saw of a ball, what became of it (Section 4.5.2).
+
+The dissertation draws a smooth curve through the places seen and reads landing place and time off it; it does not tell the spin of a
+return. Here, too, nothing but the places is used. A kink in them is a contact, of the surface that is there; the flights between kinks are
+fitted by the flight model, with the air as identified in that laboratory (Section 3.5.1), and two flights meet at the contact. The spin is
+what bends the flight: its part across the velocity; the part along it bends nothing, so that spin_x, near it, is hardly known.
+
+How well it sees, judged minus true over 500 balls: in the world `liu` landing place 0.4 mm, flight time 0.1 ms, spin 1 and 2 rad/s about y
+and z (standard deviations). In `real` 2.3 mm, 0.3 ms, 25 and 22 rad/s: real lift hardly grows with the spin any more and differs from ball
+to ball, so a flight tells little of its spin. `ros2 run tt_eval evaluate` prints these for any sweep.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.flight import fly
+from tt_core.states import Array, BallState
+from tt_sim.cameras.tracking_cameras import Sightings, believed
+from tt_sim.world.outcome import Outcome, places
+from tt_sim.world.true_ball import Contact
+from tt_vision.camera import triangulate
+from tt_vision.rig import WIDE_RATE
+
+KINK = 1.2  # m/s, change of velocity that is a contact: five standard deviations of 1.3 mm; few bounces give less
+UNUSUAL = 4.0  # times the median change, for worse cameras
+CLOSE = 0.05  # m, from a surface at which it is met: half of what a ball moves between two frames
+FEWEST = 5  # places of a flight
+SCATTER = 2.0e-3  # m, of a place seen, for the weight of SPIN: that of bad cameras
+SPIN = 300.0  # rad/s, expected of any ball, as a standard deviation: holds back what the flight does not show
+MOST_SPIN = 1500.0  # rad/s about each axis, more than is played
+ROUNDS, FRESH = 5, 3  # of Gauss-Newton, and the first of them that look for the slopes anew
+
+
+@njit(cache=True)
+def fitted(times: Array, seen: Array, air: Array) -> Array:
+    """(9,) the ball at time 0 whose flight passes nearest to where it was seen, (n, 3) m at times (n,) s,
+    a spin of SPIN expected. n is at least 4."""
+    n = len(times)
+    ball, step = np.zeros(9), np.array([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])  # m/s, rad/s
+    ball[:3], ball[3:6] = seen[0], (seen[3] - seen[0]) / (times[3] - times[0])
+    jacobian, normal = np.zeros((3 * n, 9)), np.zeros((9, 9))
+    for k in range(3):
+        jacobian[k::3, k] = 1.0  # a place moves with the first place
+    for i in range(ROUNDS):
+        path = places(ball, times, air)
+        if i < FRESH:
+            for k in range(3, 9):
+                beside = ball.copy()
+                beside[k] += step[k]
+                jacobian[:, k] = ((places(beside, times, air) - path) / step[k]).reshape(3 * n)
+            normal[:] = jacobian.T @ jacobian
+            for k in range(6, 9):
+                normal[k, k] += (SCATTER / SPIN) ** 2
+        right = jacobian.T @ (seen - path).reshape(3 * n)
+        for k in range(6, 9):
+            right[k] -= (SCATTER / SPIN) ** 2 * ball[k]
+        ball += np.linalg.solve(normal, right)
+        ball[6:] = np.minimum(np.maximum(ball[6:], -MOST_SPIN), MOST_SPIN)
+    return ball
+
+
+@njit(cache=True)
+def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
+    """Frames, FEWEST or more of them, next to which the velocity changes by more than KINK, and by far more than it usually seems to: the
+    largest change of each kink."""
+    n = len(times)
+    change, kink = np.zeros(n), np.zeros(n, dtype=np.bool_)
+    for k in range(2, n - 2):
+        before, after = (seen[k] - seen[k - 2]) / (times[k] - times[k - 2]), (seen[k + 2] - seen[k]) / (times[k + 2] - times[k])
+        change[k] = np.sqrt(((after - before) ** 2).sum())
+    least = max(KINK, UNUSUAL * np.median(change[2 : n - 2]))
+    for k in range(2, n - 2):
+        kink[k] = change[k] > least and change[k] == change[max(0, k - FEWEST + 1) : k + FEWEST].max()
+    return np.flatnonzero(kink)
+
+
+def _surface(ball: Array, after: Array) -> str | None:
+    """What a ball (9,) met that goes on at velocity `after` (3,) m/s; None: nothing that is there."""
+    x, y, z = ball[:3]
+    before = ball[3:6]
+    if before[0] < 0.0 < after[0] and x < NET_X - CLOSE:
+        return "racket"
+    over = -CLOSE < x < TABLE_LENGTH + CLOSE and -CLOSE < y < TABLE_WIDTH + CLOSE and abs(z) < 2.0 * CLOSE
+    if over and before[2] < after[2] and after[2] > 0.0 and before[0] * after[0] > 0.0:
+        return "table"
+    return "net" if abs(x - NET_X) < 2.0 * CLOSE and z < NET_HEIGHT + CLOSE else None
+
+
+@njit(cache=True)
+def _meeting(before: Array, after: Array, apart: float, time: float, air: Array) -> tuple[float, Array, Array]:
+    """Seconds after `before` (9,), near `time`, when its flight is nearest to that of `after` (9,), `apart` s later; and both then."""
+    one, other, shift = before, after, 0.0
+    for _ in range(3):
+        one, other = fly(before, time, air), fly(after, time - apart, air)
+        gap, speed = one[:3] - other[:3], one[3:6] - other[3:6]
+        shift = float((gap @ speed) / (speed @ speed))
+        time -= shift
+    return time + shift, one, other
+
+
+def score_from_video(sightings: Sightings, air: Array) -> Outcome:
+    """What became of the ball, as far as it was seen; its contacts are those that two fitted flights make.
+
+    air: coefficients of the flight model, as the evaluator knows them.
+    """
+    if len(sightings.times) < FEWEST:
+        return Outcome(BallState(0.0, *np.zeros((3, 3))))
+    times, seen = sightings.times, triangulate(believed(), sightings.pixels)
+    turns = kinks(times, seen)
+    if len(turns) == 0:
+        return Outcome(BallState(times[0], seen[0], np.zeros(3), np.zeros(3)))
+    ends = [-1, *turns.tolist(), len(times)]
+
+    def flight(i: int) -> tuple[float, Array] | None:
+        """Between kinks i - 1 and i, which belong to neither: a time (s) and the ball (9,) then; None when it is too short."""
+        rows = slice(ends[i] + 1, ends[i + 1])
+        if rows.stop - rows.start < FEWEST:
+            return None
+        return float(times[rows.start]), fitted(times[rows] - times[rows.start], seen[rows], air)
+
+    flights = [flight(i) for i in range(len(turns) + 1)]
+    outcome = Outcome(_ball(*(flights[0] or (float(times[0]), np.concatenate([seen[0], np.zeros(6)])))))
+    for k, before, after in zip(turns, flights, flights[1:], strict=False):
+        if before is None or after is None:
+            continue
+        time, one, other = _meeting(before[1], after[1], after[0] - before[0], times[k] - before[0], air)
+        surface = _surface(one, other[3:6])
+        if surface is not None:
+            outcome.contacts.append(Contact(surface, _ball(before[0] + time, one), _ball(before[0] + time, other)))
+    if flights[-1] is not None and outcome.hit is not None and outcome.landing is None:
+        end = _past_the_table(*flights[-1], float(times[-1]), air)
+        outcome.contacts += [Contact("floor", end, end)] if end is not None else []
+    return outcome
+
+
+def _ball(time: float, row: Array) -> BallState:
+    """From what a kernel has just made."""
+    row.flags.writeable = False
+    return BallState.trusted(time, row[:3], row[3:6], row[6:])
+
+
+def _past_the_table(start: float, ball: Array, time: float, air: Array) -> BallState | None:
+    """A ball (9,) of `start` (s), last seen at `time` (s), where it comes down to the table's height, if that is not over the table."""
+    while True:
+        row = fly(ball, time - start, air)
+        if row[2] < BALL_RADIUS and row[5] < 0.0:
+            over = 0.0 < row[0] < TABLE_LENGTH and 0.0 < row[1] < TABLE_WIDTH
+            return None if over else _ball(time, row)
+        time += 1.0 / WIDE_RATE

@@ -1,0 +1,70 @@
+"""All images that the cameras take of one launched ball, frame by frame, while it is in view."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_core.constants import BALL_RADIUS
+from tt_core.flight import fly
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+from tt_vision.camera import Camera
+from tt_vision.rig import EXPOSURE, FRAME_RATE
+
+from ..render import Image, Scene, render
+
+LONGEST = 0.2  # s after the launch in which a frame may show the ball
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """What every camera saw at `time` (s), the middle of the exposure. images: one (h, w) for each camera."""
+
+    time: float
+    images: tuple[Image, ...]
+
+
+def in_view(camera: Camera, ball: BallState) -> bool:
+    """Whether any part of the ball can be in the image."""
+    depth = float((camera.rotation @ ball.position + camera.translation)[2])
+    if depth < 2.0 * BALL_RADIUS:
+        return False
+    u, v = camera.project(ball.position[None])[0]
+    reach = camera.focal_length / camera.pixel_size * BALL_RADIUS / depth
+    return -reach <= u <= camera.width - 1 + reach and -reach <= v <= camera.height - 1 + reach
+
+
+def orientation_after(orientation: Array, ball: BallState, duration: float, physics: Physics) -> Array:
+    """(3, 3) ball to `table` after `duration` s of free flight from `ball`, at which it is `orientation`."""
+    decay = physics.air.spin_decay
+    turned = -math.expm1(-decay * duration) / decay if decay > 0.0 else duration
+    return Rotation.from_rotvec(ball.spin * turned).as_matrix() @ orientation
+
+
+def camera_sequence(
+    ball: BallState,
+    orientation: Array,
+    cameras: Sequence[Camera],
+    scene: Scene,
+    physics: Physics,
+    rng: np.random.Generator,
+    frame_rate: float = FRAME_RATE,
+    exposure: float = EXPOSURE,
+) -> Iterator[Frame]:
+    """Frames at whole periods after the ball's time for as long as any camera has the ball in view."""
+    seen = False
+    for i in range(1, math.ceil(LONGEST * frame_rate)):
+        after = i / frame_rate
+        now = BallState.from_vector(ball.time + after, fly(ball.vector, after, physics.air.coefficients))
+        if not any(in_view(camera, now) for camera in cameras):
+            if seen:
+                return
+            continue
+        seen = True
+        turned = orientation_after(orientation, ball, after, physics)
+        images = tuple(render(camera, now, turned, scene.texture, scene.lamps, exposure, scene.noise, rng) for camera in cameras)
+        yield Frame(now.time, images)

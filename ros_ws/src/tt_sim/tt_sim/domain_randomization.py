@@ -1,0 +1,71 @@
+"""No two trials alike: the true coefficients of one trial, drawn about those of its world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from tt_core.errors import check_range
+from tt_core.physics import Physics
+
+FURTHEST = 3.0  # standard deviations that a draw goes
+
+
+@dataclass(frozen=True, slots=True)
+class DomainRandomization:
+    """Standard deviations, each as a share of its coefficient."""
+
+    drag: float = 0.0
+    lift: float = 0.0
+    spin_decay: float = 0.0
+    restitution: float = 0.0  # of the table
+    friction: float = 0.0
+    grip: float = 0.0
+    rubber_restitution: float = 0.0
+    rubber_grip: float = 0.0  # of the tangential coefficient; the turn that goes with it stays in proportion
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check_range(field.name, getattr(self, field.name), 0.0, 0.5)
+
+    def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
+        """The physics of one trial. A coefficient is kept where its surface gives no energy."""
+
+        draws = dict(zip(_ORDER, np.clip(rng.normal(size=len(_ORDER)), -FURTHEST, FURTHEST).tolist(), strict=True))
+
+        def factor(name: str) -> float:
+            return 1.0 + getattr(self, name) * draws[name]
+
+        drag, lift, grip, rubber = factor("drag"), factor("lift"), factor("grip"), factor("rubber_grip")
+        air, table, racket = physics.air, physics.table, physics.racket
+        tangential = min(racket.tangential * rubber, 0.79)  # above 0.8 a shell would come back faster than it slipped
+        rubber = tangential / racket.tangential
+        return replace(
+            physics,
+            air=replace(
+                air,
+                drag=air.drag * drag,
+                drag_h=air.drag_h * drag,
+                lift=air.lift * lift,
+                lift_h=air.lift_h * lift,
+                lift_ratio=air.lift_ratio * lift,
+                spin_decay=air.spin_decay * factor("spin_decay"),
+            ),
+            table=replace(
+                table,
+                restitution=min(1.0, table.restitution * factor("restitution")),
+                friction=table.friction * factor("friction"),
+                grip=min(2.0, table.grip * grip),
+            ),
+            racket=replace(
+                racket,
+                restitution=min(1.0, racket.restitution * (bounce := factor("rubber_restitution"))),
+                restitution_least=min(1.0, racket.restitution * bounce, racket.restitution_least * bounce),
+                tangential=tangential,
+                tangential_least=racket.tangential_least * rubber,
+                rotational=racket.rotational * rubber,
+            ),
+        )
+
+
+_ORDER = ("drag", "lift", "grip", "rubber_grip", "spin_decay", "restitution", "friction", "rubber_restitution")

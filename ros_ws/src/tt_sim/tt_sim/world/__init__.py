@@ -1,0 +1,1 @@
+"""What is true: ball, contacts, arm and launcher."""

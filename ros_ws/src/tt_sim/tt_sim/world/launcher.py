@@ -1,0 +1,123 @@
+"""The catapult machine at the opponent's end (dissertation Section 2.5.2, Tables 3.1 and 3.3).
+
+The tables have scales 3 to 5. For the others, 1, 2 and 6 to 10, forward speed and spin go on along a straight line, the scatter is that of
+the nearest row, and the head is raised as an operator would: so that the mean ball comes down at LANDING_X. Those rows are extrapolated,
+not measured: up to 13.6 m/s and 6,240 rpm, which is within what opponents play (9,129 rpm at most). Scale 1 is a lob, 5 to 6 m/s fast
+because of its way up: a ball that slow in x reaches the robot in one bounce only so.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_core.errors import TtError, check_range
+from tt_core.events import next_contact
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+
+KINDS = ("top", "back", "left", "right")
+MIXED = "mixed"  # one of KINDS at random
+SCALES = (1, 10)  # least and most
+RATES = (26.0, 94.0)  # balls a minute, least and most of the machine
+LANDING_X = 0.5  # m, where the mean ball of an extrapolated scale lands
+
+# kind -> scale -> v_x, v_z (m/s) and spin (rad/s), each with its scatter: Tables 3.1 and 3.3.
+# Side spin is not printed: about the mean of both.
+_TABLE = {
+    "top": {
+        3: ((-4.99, 0.09), (2.53, 0.082), (300.0, 10.0)),
+        4: ((-6.22, 0.11), (1.07, 0.15), (360.0, 23.0)),
+        5: ((-7.46, 0.076), (1.68, 0.087), (400.0, 3.5)),
+    },
+    "back": {
+        3: ((-5.1, 0.077), (1.47, 0.10), (270.0, 21.0)),
+        4: ((-6.7, 0.048), (0.41, 0.11), (323.0, 37.0)),
+        5: ((-7.4, 0.051), (-0.17, 0.14), (361.0, 21.0)),
+    },
+    "side": {
+        3: ((-5.05, 0.08), (2.0, 0.09), (285.0, 15.0)),
+        4: ((-6.46, 0.08), (0.74, 0.13), (340.0, 30.0)),
+        5: ((-7.43, 0.06), (0.75, 0.11), (380.0, 12.0)),
+    },
+}
+_AXES = {"top": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (0.0, 0.0, -1.0), "right": (0.0, 0.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class LauncherParams:
+    """Where the machine stands and how much it scatters besides its tables."""
+
+    x: float = 2.62  # m, exit of the head
+    y: float = 0.7625  # m
+    z: float = 0.34  # m, high enough for back spin at scale 5 to clear the net
+    side_yaw: float = 0.05  # rad, the head is turned against half of the drift of side spin; at 0.03 and 0.07 the arm has no time for some
+    axis_scatter: float = 0.05  # rad, of the spin's axis; Tables 2.1 to 2.3 show about 0.1
+    yaw_scatter: float = 0.01  # rad
+    place_scatter: float = 0.002  # m
+    rate: float = 0.0  # balls a minute; 0: one by one, when asked
+
+    def __post_init__(self) -> None:
+        check_range("x", self.x, 1.5, 5.0)
+        check_range("y", self.y, 0.0, 1.525)
+        check_range("z", self.z, 0.05, 1.5)
+        for name in ("axis_scatter", "yaw_scatter", "place_scatter"):
+            check_range(name, getattr(self, name), 0.0, 0.5)
+        if self.rate:
+            check_range("rate", self.rate, *RATES)
+
+
+Row = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+@functools.cache
+def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
+    """Mean and scatter of v_x, v_z (m/s) and spin (rad/s); height: m, of the head, for the scales that the tables do not have.
+
+    Raises TtError for a kind that is none of KINDS, OutOfRange for a scale outside SCALES.
+    """
+    if kind not in KINDS:
+        raise TtError(f"kind {kind!r} is none of {', '.join(KINDS)}")
+    if scale != int(check_range("scale", scale, *SCALES)):
+        raise TtError(f"scale = {scale} is not a whole number")
+    rows = _TABLE.get(kind, _TABLE["side"])
+    if scale in rows:
+        return rows[scale]
+    nearest = rows[min(rows, key=lambda known: abs(known - scale))]
+    v_x, spin = (float(np.polyval(np.polyfit(list(rows), [r[k][0] for r in rows.values()], 1), scale)) for k in (0, 2))
+    low, high = -5.0, 6.0  # m/s, raised until the ball lands there; further up it lands further on
+    for _ in range(40):
+        v_z = 0.5 * (low + high)
+        place, velocity = np.array([LauncherParams.x, LauncherParams.y, height]), np.array([v_x, 0.0, v_z])
+        ball = BallState(0.0, place, velocity, spin * np.array(_AXES[kind]))
+        contact, _ = next_contact(ball, Physics.liu())
+        low, high = (v_z, high) if contact.position[0] > LANDING_X else (low, v_z)
+    return (v_x, nearest[0][1]), (high, nearest[1][1]), (spin, nearest[2][1])
+
+
+def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generator) -> tuple[BallState, Array]:
+    """A ball at time 0 and its orientation (3, 3), ball to table, at random.
+
+    Raises TtError for a kind that is none of KINDS or MIXED, OutOfRange for a scale outside SCALES.
+    """
+    if kind == MIXED:
+        kind = KINDS[rng.integers(len(KINDS))]
+    v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in row(kind, scale, params.z))
+    yaw = rng.normal({"left": params.side_yaw, "right": -params.side_yaw}.get(kind, 0.0), params.yaw_scatter)
+    velocity = np.array([v_x * math.cos(yaw), v_x * math.sin(yaw), v_z])
+    tilt, _ = cv2.Rodrigues(rng.normal(0.0, params.axis_scatter, 3))
+    place = np.array([params.x, params.y, params.z]) + rng.normal(0.0, params.place_scatter, 3)
+    return BallState(0.0, place, velocity, tilt @ (spin * np.array(_AXES[kind]))), Rotation.random(rng=rng).as_matrix()
+
+
+def shot(text: str) -> tuple[str, int]:
+    """("top", 3) from "top 3". Raises TtError for other words, and what `launch` raises for a kind or scale that there is not."""
+    kind, _, scale = text.partition(" ")
+    if not scale.isdigit():
+        raise TtError(f"shot {text!r} is not a kind and a scale, as in 'top 3'")
+    launch(kind, int(scale), LauncherParams(), np.random.default_rng(0))
+    return kind, int(scale)

@@ -1,0 +1,48 @@
+"""The true world of the simulator: physics, their variation, cameras and arm; one YAML file each in `worlds/`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tt_core.errors import check_range
+from tt_core.physics import Physics
+from tt_core.strict_yaml import build, find, read
+
+from .cameras.camera_faults import CameraFaults
+from .cameras.tracking_cameras import TrackingCameraFaults
+from .domain_randomization import DomainRandomization
+from .world.plant import PlantParams
+from .world.true_ball import LEAST_CONTACT
+
+WORLDS = Path(__file__).parent / "worlds"
+
+
+@dataclass(frozen=True)
+class WorldParams:
+    """What is true in the simulator.
+
+    Attributes:
+        physics: Models of air, table and rubber.
+        domain_randomization: How much their coefficients differ from ball to ball.
+        cameras: Faults of the high-speed cameras.
+        tracking_cameras: Faults of the wide cameras.
+        plant: The arm.
+        sensor_error_model: Name of a file of `tt_eval/sensor_error_models/`: errors of the measured ball where no images are rendered.
+    """
+
+    physics: Physics = field(default_factory=Physics.liu)
+    domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
+    cameras: CameraFaults = field(default_factory=CameraFaults)
+    tracking_cameras: TrackingCameraFaults = field(default_factory=TrackingCameraFaults)
+    plant: PlantParams = field(default_factory=PlantParams)
+    sensor_error_model: str = "clear"
+
+    def __post_init__(self) -> None:
+        check_range("contact_height", self.physics.contact_height, LEAST_CONTACT, 0.1)
+
+
+def load_world(name: str) -> WorldParams:
+    """The world of that name here, or of that file. Raises BadFile."""
+    file = find(name, WORLDS)
+    return build(WorldParams, read(file), file.name)

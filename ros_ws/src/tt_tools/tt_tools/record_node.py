@@ -1,0 +1,180 @@
+"""Records topics as they are on the wire, without looking into the messages."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from tt_core.errors import TtError, check_range
+from tt_core.ros.bags import BagError
+from tt_core.ros.diagnostics import Status
+from tt_core.ros.node_main import run
+from tt_core.ros.params import parameter
+
+from .bagfile import RESERVE
+from .packages import NotFound, interface
+from .record import QUEUE, Recording, State
+
+POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
+TELL = 1.0  # s between two words while messages are lost
+DEPTH = 1000  # messages that may wait: half a second of two cameras at 900 Hz
+
+
+def offered_qos(profile: QoSProfile) -> Qos:
+    """The profile of a publisher in the words of the bag."""
+
+    def split(duration: Duration) -> QosTime:
+        return QosTime(*divmod(duration.nanoseconds, 10**9))
+
+    return Qos(
+        QosHistory(profile.history.value),
+        profile.depth,
+        QosReliability(profile.reliability.value),
+        QosDurability(profile.durability.value),
+        split(profile.deadline),
+        split(profile.lifespan),
+        QosLiveliness(profile.liveliness.value),
+        split(profile.liveliness_lease_duration),
+        profile.avoid_ros_namespace_conventions,
+    )
+
+
+def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
+    """What every one of the publishers can serve."""
+    reliable = all(profile.reliability is ReliabilityPolicy.RELIABLE for profile in offered)
+    durable = all(profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
+    return QoSProfile(
+        depth=DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if durable else DurabilityPolicy.VOLATILE,
+    )
+
+
+def free_name(output: str) -> str:
+    """Return `output`, or where that exists the first of output_2, output_3, ... that does not."""
+    names = itertools.chain([output], (f"{output.rstrip('/')}_{number}" for number in itertools.count(2)))
+    return next(name for name in names if not Path(name).exists())
+
+
+class RecordNode(Node):
+    """Topics -> a new rosbag2 directory, `output`, or bags/ and the time; what is lost -> diagnostics.
+
+    All topics, or those in `topics`, less those in which the regex `exclude` is found. At most `queue_bytes` wait for the disk, of
+    which `reserve_bytes` stay free; what is beyond that is dropped and counted. With `numbered` a directory that exists is no error: the
+    new one gets a number, as a recorder needs that is started again.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("record", enable_rosout=False, start_parameter_services=False)
+        output = parameter(self, "output", "auto")
+        if output == "auto":
+            output = time.strftime("bags/%Y-%m-%d_%H-%M-%S")
+        if parameter(self, "numbered", False):
+            output = free_name(output)
+        self._wanted = {self.resolve_topic_name(str(name)) for name in parameter(self, "topics", [])}
+        exclude = parameter(self, "exclude", "")
+        try:
+            self._exclude = re.compile(exclude) if exclude else None
+        except re.error as error:
+            raise TtError(f"exclude = {exclude!r} is no regular expression: {error}") from error
+        bounds = {
+            name: int(check_range(name, parameter(self, name, default), low, 2**40))
+            for name, default, low in (("queue_bytes", QUEUE, 2**20), ("reserve_bytes", RESERVE, 0))
+        }
+        self._seen: set[str] = set()
+        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last word and its time in s
+        self.failed = False
+        self._status = Status(self)
+        self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._recording = Recording(Path(output), **bounds)  # last: what fails before it leaves no bag
+        print(f"recording to {output}", flush=True)
+
+    def _look(self) -> None:
+        self._tell(self._recording.state())
+        for name, kinds in self.get_topic_names_and_types():
+            if name in self._seen or (self._wanted and name not in self._wanted) or (self._exclude and self._exclude.search(name)):
+                continue
+            if offered := [info.qos_profile for info in self.get_publishers_info_by_topic(name)]:
+                self._seen.add(name)
+                self._subscribe(name, kinds[0], offered)
+
+    def _tell(self, state: State) -> None:
+        """Tell at once when trouble begins or ends, and every second while messages are lost."""
+        changed = state.trouble != self._told.trouble
+        losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
+        if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + TELL):
+            return
+        if changed and state.trouble:
+            self.get_logger().error(f"{state.trouble}; what cannot be recorded is dropped and counted")
+        elif changed:
+            self.get_logger().warning(f"recording again; dropped so far: {sum(state.dropped.values())} messages")
+        counts: dict[str, Any] = {"free_bytes": state.free, "queued_bytes": state.queued}
+        losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
+        self._status.tell(state.trouble or "recording", warn=bool(state.trouble) or losing, **counts, **losses)
+        self._told, self._when = state, time.monotonic()
+
+    def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:
+        try:
+            message = interface(kind)
+            self._recording.add_topic(name, kind, [offered_qos(profile) for profile in offered])
+        except (NotFound, BagError) as error:
+            self.get_logger().warning(f"{name} is left out: {error}")
+            return
+        events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, name))
+        self.create_subscription(message, name, partial(self._on_message, name), matching_qos(offered), raw=True, event_callbacks=events)
+
+    def _on_message(self, topic: str, data: bytes) -> None:
+        self._recording.add(topic, time.time_ns(), data)
+
+    def _on_lost(self, topic: str, event: Any) -> None:
+        self._recording.count_missed(topic, event.total_count)
+
+    def _take_rest(self) -> None:
+        """Record what has arrived and not yet been handled."""
+        for subscription in self.subscriptions:
+            with subscription.handle:
+                for _ in range(DEPTH):
+                    if not (taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)):
+                        break
+                    self._on_message(subscription.topic_name, taken[0])
+
+    def close(self) -> None:
+        self._take_rest()
+        try:
+            summary = self._recording.close()
+        except BagError as error:
+            self.failed = True
+            print(error, file=sys.stderr, flush=True)
+            return
+        self.failed = bool(summary.dropped)
+        print(f"recorded {summary}", file=sys.stderr if self.failed else sys.stdout, flush=True)
+
+
+def main() -> None:
+    """Exit with 1 if messages were lost through the disk."""
+    nodes: list[RecordNode] = []
+
+    def make() -> RecordNode:
+        nodes.append(RecordNode())
+        return nodes[0]
+
+    run(make)
+    if nodes and nodes[0].failed:
+        os._exit(1)  # the writer thread may hang in a write for ever, and the interpreter would wait for its file
+
+
+if __name__ == "__main__":
+    main()

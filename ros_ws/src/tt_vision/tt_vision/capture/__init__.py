@@ -1,0 +1,1 @@
+"""From cameras, files and topics to bursts of frames."""

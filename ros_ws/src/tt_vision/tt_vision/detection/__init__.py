@@ -1,0 +1,1 @@
+"""The ball in an image: place, outline and light."""

@@ -1,0 +1,52 @@
+"""A ball played without ROS: returned, the same again by its seed, and every failure with its reason."""
+
+import pytest
+from tt_core.errors import TtError
+from tt_core.states import ReturnGoal
+from tt_eval.episode import landing_error, play, spin_error
+from tt_eval.scenario import Robot, Scenario
+from tt_racket.intercept import InterceptParams
+
+
+@pytest.mark.parametrize(("kind", "scale"), [("top", 4), ("back", 3), ("left", 3)])
+def test_balls_come_back(kind, scale):
+    episode = play(Scenario(kind, scale), seed=1)
+    assert episode.reason is None
+    assert landing_error(episode) < 0.10  # m; 3 cm at most in 36 balls on the day
+    assert spin_error(episode) < 31.4  # rad/s, 300 rpm; 1.2 at most on the day
+    assert episode.outcome.hit.after.spin[1:] == pytest.approx([episode.goal.spin_y, episode.goal.spin_z], abs=20.0)  # rad/s, as asked
+
+
+def test_a_seed_gives_its_episode_again():
+    one, other = (play(Scenario("top", 3), seed=4) for _ in range(2))
+    assert one.joints == pytest.approx(other.joints, abs=0.0)
+    assert one.outcome.landing.before.vector == pytest.approx(other.outcome.landing.before.vector, abs=0.0)
+
+
+def test_a_goal_is_asked_for():
+    goal = ReturnGoal([1.8, 0.6], 0.55, 60.0, 0.0)
+    episode = play(Scenario("top", 3, goal=goal), seed=2)
+    assert episode.goal is goal
+    assert episode.outcome.landing.before.position[:2] == pytest.approx(goal.landing, abs=0.10)  # m, as above
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"robot": Robot(latency=1.5)}, "arm: 0: the strike is"),
+        ({"robot": Robot(latency=0.4)}, "arm: 0: the strike is"),
+        ({"robot": Robot(intercept=InterceptParams(z_low=2.0, z_high=3.0))}, "no stroke: the ball does not come within reach"),
+        ({"robot": Robot(intercept=InterceptParams(racket_speed=0.1))}, "no stroke: racket speed"),
+    ],
+)
+def test_a_failure_has_its_reason(changes, reason):
+    episode = play(Scenario("top", 4, **changes), seed=0)
+    assert episode.reason.startswith(reason)
+    assert episode.outcome.result != "returned"
+
+
+def test_a_scenario_that_cannot_be_is_refused():
+    with pytest.raises(TtError, match="kind 'lob' is none of"):
+        Scenario("lob")
+    with pytest.raises(TtError, match="latency = -1 is outside"):
+        Robot(latency=-1.0)

@@ -1,0 +1,48 @@
+"""Shots of real play: mapped into `table`, those within reach, and played."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tt_core.errors import TtError
+from tt_core.physics import Physics
+from tt_core.states import BallState
+from tt_eval import rallies
+from tt_eval.episode import Trial
+from tt_eval.scenario import load
+
+ROW = dict.fromkeys([f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"], 0.0)
+
+
+def test_both_ways_are_turned_to_fly_to_the_robot(tmp_path):
+    """Top spin in the file is w_x > 0 for a ball to -y; in `table` it is w_y < 0 for a ball to -x."""
+    file = tmp_path / "rallies.json"
+    there = ROW | {"pos_x": 0.1, "pos_y": 1.0, "pos_z": 0.3, "vel_x": 0.5, "vel_y": -5.0, "w_vel_x": 60.0}
+    back = ROW | {"pos_x": -0.1, "pos_y": -1.0, "pos_z": 0.3, "vel_x": -0.5, "vel_y": 5.0, "w_vel_x": -60.0}
+    file.write_text(json.dumps([there, back]))
+    one, other = rallies.load(file)
+    assert one.vector == pytest.approx([2.37, 0.6625, 0.3, -5.0, -0.5, 0.0, 0.0, -60.0, 0.0])
+    assert other.vector == pytest.approx(one.vector)
+    with pytest.raises(TtError, match="holds no shots"):
+        rallies.load(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("velocity", "reached"),
+    [([-5.5, 0, 1.8], True), ([-5.0, 3.0, 1.0], False), ([-20.0, 0, -0.5], False), ([-2.0, 0, 1.0], False)],
+    ids=["a usual one", "tracking_cameras", "too soon", "into the net"],
+)
+def test_only_what_an_arm_could_be_asked_for(velocity, reached):
+    assert rallies.within_reach(BallState(0.0, [2.6, 0.76, 0.3], velocity, [0, -200, 0]), Physics.measured()) == reached
+
+
+@pytest.mark.skipif(not os.environ.get("TT_DATA_DIR"), reason="TT_DATA_DIR names no folder of real data")
+def test_real_play_is_seen_by_cameras_that_follow_it():
+    shots = rallies.load(Path(os.environ["TT_DATA_DIR"]) / "deepmind" / "rallies.json")
+    assert len(shots) == 13088  # data/README
+    scenario = load("rallies", images=False)
+    seen = [Trial.drawn(scenario, seed).guessed() for seed in range(20)]
+    assert sum(ball is not None for ball in seen) >= 18  # one in fifty is too fast or too oblique for six frames
+    assert np.median([np.linalg.norm(ball.spin) for ball in seen if ball is not None]) > 50.0

@@ -1,0 +1,60 @@
+"""The measurement's error model says what rendered balls say."""
+
+import numpy as np
+import pytest
+import yaml
+from tt_core.strict_yaml import names
+from tt_eval.episode import Trial
+from tt_eval.scenario import HOME, load
+from tt_eval.sensor_error_fit import SLOW, drawn, errors_seen
+from tt_eval.sensor_error_model import SensorErrorModel, last_frame
+
+BALLS = 48  # new ones: the models were fitted to balls 0 to 799
+
+
+@pytest.mark.parametrize("slow", [False, True])
+@pytest.mark.parametrize("name", ["liu", "real"])
+def test_the_model_agrees_with_images(name, slow):
+    """The catapult's balls of all scales, and slower ones down to rest: all that scenarios play."""
+    scenario = load(name)
+    sight, rows = SensorErrorModel.load(scenario.world.sensor_error_model), []
+    for seed in range(4000 + slow, 4000 + slow + 2 * BALLS, 2):
+        passes, row = errors_seen(scenario, seed)
+        if row is not None:
+            trial = drawn(scenario, seed)
+            assert (np.linalg.norm(trial.ball.velocity) < SLOW) == slow
+            rows.append(row[:9] / sight.sigmas(trial.ball))
+        else:
+            assert not passes or sight.refused > 0.0
+    assert len(rows) > 0.7 * BALLS
+    # the mean square over n balls of one normal error is 1 within 5 sqrt(2 / n); heavier tails and few balls: a factor of two
+    squares = np.mean(np.square(rows), axis=0)
+    assert np.all((squares > 0.4) & (squares < 2.2)), squares
+
+
+def test_a_burst_ends_when_the_images_say():
+    for seed in range(4):
+        trial = Trial.drawn(load("liu"), seed)
+        expected = last_frame(trial.ball, trial.cameras, trial.physics)
+        assert trial.seen()[1].time == pytest.approx(expected, abs=1.2 / 900)  # a frame more or less at the image's border
+
+
+def test_a_fit_finds_the_errors_it_is_given(tmp_path):
+    rng = np.random.default_rng(0)
+    n, parts = 4000, np.vstack([np.diag([1.0, 2.0, 3.0, 0.5]), np.ones((5, 4))])
+    speeds, spins = rng.uniform(2, 14, n), rng.uniform(0, 900, n)
+    causes = np.column_stack([np.ones(n), (spins / 300) ** 2, (speeds / 5) ** 2, (speeds / 5) ** 4])
+    variances = causes @ parts.T
+    sight = SensorErrorModel.fitted(rng.standard_normal((n, 9)) * np.sqrt(variances), speeds, spins, 0.0)
+    # the causes share what they explain; their sum over the balls is known to 5 sqrt(2 / 4000), and a factor for what one ball weighs
+    assert np.median(causes @ sight.parts.T / variances, axis=0) == pytest.approx(np.ones(9), abs=0.15)
+    sight.save(tmp_path / "s.yaml", "found")
+    saved = yaml.safe_load((tmp_path / "s.yaml").read_text())
+    assert saved["variances"]["velocity_x"] == pytest.approx(sight.parts[3], rel=1e-3)
+
+
+def test_every_model_here_is_a_covariance():
+    for name in names(HOME / "sensor_error_models"):
+        sight = SensorErrorModel.load(name)
+        assert np.linalg.eigvalsh(sight.correlation).min() > -1e-2  # rounded to three digits
+        assert 0.0 <= sight.refused < 0.1
