@@ -18,7 +18,7 @@ from tt_bringup.report import read
 from tt_eval.arm_trial import STROKES_AT, TICK, strokes
 from tt_sim.world.plant import Plant, PlantParams
 
-NEEDED = ("/arm_trajectory_controller/joint_trajectory", "/joint_states", "/diagnostics")
+NEEDED = ("arm/swing", "joint_states", "diagnostics")
 AROUND = 0.5  # s, shown before and after the strike
 
 

@@ -22,4 +22,4 @@ def test_a_swing_is_drawn_around_its_strike(tmp_path):
 def test_a_recording_without_a_swing_is_refused_by_name(tmp_path):
     done = draw(ROOT / "bags/reference_back_5", tmp_path / "swing.html")
     assert done.returncode == 1
-    assert "holds no /arm_trajectory_controller/joint_trajectory" in done.stderr
+    assert "holds no arm/swing" in done.stderr

@@ -39,7 +39,7 @@ class Bench:
         self.states = probe.create_publisher(JointState, "/joint_states", RELIABLE)
         self.strokes = probe.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
-        probe.create_subscription(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", self.swings.append, RELIABLE)
+        probe.create_subscription(JointTrajectory, "/arm/swing", self.swings.append, RELIABLE)
         probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: self.told.extend(read_status(m)), RELIABLE)
 
     def on_command(self, message):

@@ -100,7 +100,7 @@ def test_the_recording_is_a_bag_that_others_open(rally):
         assert all(summary.schemas[c.schema_id].data for c in summary.channels.values())
         topics = {channel.topic for _, channel, _, _ in reader.iter_decoded_messages()}
     wanted = {"/camera/left/image_raw", "/camera/right/image_raw", "/ball/measured", "/ball/path", "/racket/strokes", "/joint_states"}
-    wanted |= {"/arm_velocity_controller/commands", "/arm_trajectory_controller/joint_trajectory", "/diagnostics", "/sim/ball", "/clock"}
+    wanted |= {"/arm_velocity_controller/commands", "/arm/swing", "/diagnostics", "/sim/ball", "/clock"}
     assert wanted <= topics
     assert len(messages(bag, "/ball/measured")) == BALLS  # rosbags opens it too
 

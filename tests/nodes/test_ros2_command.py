@@ -107,7 +107,7 @@ def running(bag):
 
 
 def test_run_becomes_the_executable(ros2, tmp_path):
-    process = ros2("run", "tt_bringup", "record_node", "--ros-args", "-p", f"output:={tmp_path}")
+    process = ros2("run", "tt_tools", "record_node", "--ros-args", "-p", f"output:={tmp_path}")
     assert "exists already" in process.communicate(timeout=20)[0]
     assert process.returncode == 2
 

@@ -9,27 +9,26 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
 from tt_core.failures import Failure
+from tt_core.params import check, param
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
-from tt_core.ros.params import declare, parameter
+from tt_core.ros.params import declare
 from tt_core.ros.qos import LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 
@@ -56,15 +55,36 @@ TELL = 0.2  # s between two reports of what stops the arm
 LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
+@dataclass(frozen=True)
+class ArmParams:
+    """The arm, and what it may do."""
+
+    base: tuple[float, ...] = param(BASE, "m, rad", "x, y, z and yaw of base_link in `table`")
+    mount: tuple[float, ...] = param(
+        MOUNT, "m, rad", "distance of the racket beyond the flange, and its angle about the y axis of the flange"
+    )
+    waiting: tuple[float, ...] = param(WAITING, "rad", "joint angles at which the arm waits for a ball")
+    urdf: str = param("", "", "path of the description of the arm; empty: that of the PA10 in this package")
+    joints: tuple[str, ...] = param((), "", "names of the joints in joint states, in the order of the commands; empty: those of the URDF")
+    rtf: float = param(1.0, "", "simulated seconds in a second of the clock on the wall", low=0.01, high=10.0)
+    speed_scale: float = param(1.0, "", "share of the speed limits that the arm may use; acts at once", low=0.01, high=1.0, dynamic=True)
+    clock_offset: float = param(0.002, "s", "offset of another clock above which strokes are refused", low=1e-4, high=10.0)
+    enabled: bool = param(False, "", "whether the arm may move from the start, without a call of /arm/enable")
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+
 class ArmNode(Node):
     """Subscribe to joint states and strokes; publish velocity commands and the planned swing."""
 
     def __init__(self) -> None:
         super().__init__("arm")
-        base, mount, waiting = (parameter(self, n, list(v)) for n, v in (("base", BASE), ("mount", MOUNT), ("waiting", WAITING)))
-        model = ArmModel.pa10(base, mount, waiting, parameter(self, "urdf", str(URDF)))
-        self.joints = parameter(self, "joints", list(model.names))
-        self.rtf = check_range("rtf", parameter(self, "rtf", 1.0), 0.01, 10.0)  # simulated seconds in a second
+        params = declare(self, ArmParams, changed=self.on_params)
+        model = ArmModel.pa10(params.base, params.mount, params.waiting, params.urdf or str(URDF))
+        self.joints = params.joints or model.names
+        self.rtf = params.rtf
         self.control = ArmControl(
             model,
             declare(self, SwingLimits, "swing."),
@@ -75,7 +95,7 @@ class ArmNode(Node):
             declare(self, ControlParams),
             self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )
-        self.control.speed_scale = self._declare_speed_scale()
+        self.on_params(params)
         self.status = Status(self)
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on
         self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
@@ -85,29 +105,29 @@ class ArmNode(Node):
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
         self.arrival, self.ending = threading.Event(), False
-        self.commands = self.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
-        self.swings = self.create_publisher(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", LATEST)
-        self.states = Input(self, JointState, "/joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
+        self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
+        self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
+        self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(
             self,
             MultiDOFJointTrajectory,
-            "/racket/strokes",
+            "racket/strokes",
             self.on_strokes,
             LATEST,
             largest=LARGEST_STROKES,
             refused=self.refused_strokes,
         )
         self.status.wait_for((self.states, candidates))
-        self.clock_offset = check_range("clock_offset", parameter(self, "clock_offset", 0.002), 1e-4, 10.0)  # s, that clocks may differ by
+        self.clock_offset = params.clock_offset
         self.clocks = ClockMonitor(self, self.status, self.clock_offset)
         self.worst_clock = self.clocks.worst()
-        self.create_service(SetBool, "/arm/enable", self.on_enable)
-        self.create_service(Trigger, "/arm/stop", self.on_stop)
+        self.create_service(SetBool, "arm/enable", self.on_enable)
+        self.create_service(Trigger, "arm/stop", self.on_stop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH, self.on_watch, clock=steady)
         self.create_timer(LOOK, self.on_look, clock=steady)
-        self.control.enable(parameter(self, "enabled", False))
+        self.control.enable(params.enabled)
         threading.Thread(target=self.plan, name="planning", daemon=True).start()
 
     def _in_simulated_time(self, params: JointStateParams) -> JointStateParams:
@@ -116,24 +136,9 @@ class ArmNode(Node):
             return params
         return replace(params, silence=params.silence * self.rtf, late=params.late * self.rtf, ahead=params.ahead * self.rtf)
 
-    def _declare_speed_scale(self) -> float:
-        """The one parameter that acts at run time: a reduced speed for work near people."""
-        descriptor = ParameterDescriptor(
-            description="Share of the speed limits that the arm may use; acts at once",
-            floating_point_range=[FloatingPointRange(from_value=0.01, to_value=1.0)],
-        )
-        value = self.declare_parameter("speed_scale", 1.0, descriptor).value
-        self.add_on_set_parameters_callback(self.on_parameters)
-        return float(value)
-
-    def on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for changed in parameters:
-            if changed.name == "speed_scale":
-                try:
-                    self.control.speed_scale = changed.value
-                except (TtError, TypeError) as error:
-                    return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+    def on_params(self, params: ArmParams) -> None:
+        """Apply what acts at run time."""
+        self.control.speed_scale = params.speed_scale
 
     def on_joints(self, message: JointState) -> None:
         now, clock = self.monotonic(), self.now()

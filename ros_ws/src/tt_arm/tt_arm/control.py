@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from tt_core.errors import TtError, check_range
 from tt_core.failures import Failure
+from tt_core.params import check, param
 from tt_core.states import Array, RacketState
 
 from .joints import Joints
@@ -34,33 +35,31 @@ AT_WAITING = 0.02  # rad, from the waiting posture, within which the first motio
 class ControlParams:
     """When strokes are taken, and when a path is given up."""
 
-    ahead: float = 0.010  # s, a new swing begins this long after the joint state it is planned on, room for the planning itself
-    replan: bool = True  # newer strokes for the ball on its way may change the swing
-    replan_distance: float = 0.002  # m, what they must differ by, see `apart`
-    same_ball: float = 0.2  # s, strikes closer than this are for one ball; at 94 balls a minute those of two are 0.3 s apart
-    hurry: float = 1.0  # s from the strike for one ball to that for the next, below which the arm hurries; see `choose`
-    lost: float = 0.15  # rad off the path, at which the swing is given up
-    rejoin: float = 0.03  # rad off the path, above which the swing is given up after a gap in the joint states
-    horizon: float = 3.0  # s, a strike further ahead than this is refused
-    patience: float = 0.1  # s, for which commands are cut without a pause before their path is given up
-    failures: int = 3  # paths given up within `failure_window` because the arm did not follow, after which it rests for `pause`
-    failure_window: float = 1.0  # s
-    pause: float = 1.0  # s, after which it tries again, slowly as after enabling
-    first_speed: float = 0.15  # share of the speed limits for the first motion after enabling
+    ahead: float = param(
+        0.010, "s", "a new swing begins this long after the joint state it is planned on, room for the planning itself", low=0.0, high=0.5
+    )
+    replan: bool = param(True, "", "newer strokes for the ball on its way may change the swing")
+    replan_distance: float = param(0.002, "m", "what they must differ by, see `apart`", low=0.0, high=1.0)
+    same_ball: float = param(
+        0.2, "s", "strikes closer than this are for one ball; at 94 balls a minute those of two are 0.3 s apart", low=0.0, high=10.0
+    )
+    hurry: float = param(
+        1.0, "s", "from the strike for one ball to that for the next, below which the arm hurries; see `choose`", low=0.0, high=1000.0
+    )
+    lost: float = param(0.15, "rad", "off the path, at which the swing is given up", low=0.01, high=3.0)
+    rejoin: float = param(0.03, "rad", "off the path, above which the swing is given up after a gap in the joint states", low=0.0, high=3.0)
+    horizon: float = param(3.0, "s", "a strike further ahead than this is refused", low=0.1, high=1000.0)
+    patience: float = param(0.1, "s", "for which commands are cut without a pause before their path is given up", low=0.0, high=10.0)
+    failures: int = param(
+        3, "", "paths given up within `failure_window` because the arm did not follow, after which it rests for `pause`", low=1, high=100
+    )
+    failure_window: float = param(1.0, "s", "", low=0.01, high=100.0)
+    pause: float = param(1.0, "s", "after which it tries again, slowly as after enabling", low=0.0, high=100.0)
+    first_speed: float = param(0.15, "", "share of the speed limits for the first motion after enabling", low=0.01, high=1.0)
 
     def __post_init__(self) -> None:
-        check_range("ahead", self.ahead, 0.0, 0.5)
-        check_range("replan_distance", self.replan_distance, 0.0, 1.0)
-        check_range("same_ball", self.same_ball, 0.0, 10.0)
-        check_range("hurry", self.hurry, 0.0, 1000.0)
-        check_range("lost", self.lost, 0.01, 3.0)
-        check_range("rejoin", self.rejoin, 0.0, 3.0)
-        check_range("horizon", self.horizon, 0.1, 1000.0)
-        check_range("patience", self.patience, 0.0, 10.0)
-        check_range("failures", self.failures, 1, 100)
-        check_range("failure_window", self.failure_window, 0.01, 100.0)
-        check_range("pause", self.pause, 0.0, 100.0)
-        check_range("first_speed", self.first_speed, 0.01, 1.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

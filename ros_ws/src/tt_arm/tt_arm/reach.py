@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from tt_core.errors import check_array, check_range
+from tt_core.errors import check_array
+from tt_core.params import check, param
 from tt_core.states import Array, RacketState
 
 from .ik.ik_search import ONES, search, turning
@@ -30,24 +31,28 @@ UNSOLVED = "Newton's method did not converge"
 class ReachParams:
     """What the choice among the postures weighs."""
 
-    swing_time: float = 0.38  # s, from the seed to the strike; what is possible in it weighs each joint; `choose` sets what is left
-    acceleration: float = 10.0  # rad/s^2, for the swing time; `choose` sets that of the swing
-    affordable: float = 0.9  # share of what is possible that may be spent to keep the face from turning; our choice
-    turning_weight: float = 0.03  # s/rad, cost of the rate at which the face normal turns, against the share spent
-    margin: float = 0.03  # rad, kept from the position limits, beside the room to brake
-    return_weight: float = 5.0  # 1/s, cost of the time from the strike until the arm waits again, against the share spent
-    command_timeout: float = 0.1  # s, for which a drive may hold its speed before it brakes; `choose` sets that of the swing
-    grid: int = 12  # values of each freedom at the start of the search
+    swing_time: float = param(
+        0.38, "s", "from the seed to the strike; what is possible in it weighs each joint; `choose` sets what is left", low=0.05, high=10.0
+    )
+    acceleration: float = param(10.0, "rad/s^2", "for the swing time; `choose` sets that of the swing", low=0.1, high=1000.0)
+    affordable: float = param(
+        0.9, "", "share of what is possible that may be spent to keep the face from turning; our choice", low=0.0, high=1.0
+    )
+    turning_weight: float = param(
+        0.03, "s/rad", "cost of the rate at which the face normal turns, against the share spent", low=0.0, high=100.0
+    )
+    margin: float = param(0.03, "rad", "kept from the position limits, beside the room to brake", low=0.0, high=0.5)
+    return_weight: float = param(
+        5.0, "1/s", "cost of the time from the strike until the arm waits again, against the share spent", low=0.0, high=1000.0
+    )
+    command_timeout: float = param(
+        0.1, "s", "for which a drive may hold its speed before it brakes; `choose` sets that of the swing", low=0.0, high=10.0
+    )
+    grid: int = param(12, "", "values of each freedom at the start of the search", low=4, high=64)
 
     def __post_init__(self) -> None:
-        check_range("swing_time", self.swing_time, 0.05, 10.0)
-        check_range("acceleration", self.acceleration, 0.1, 1000.0)
-        check_range("affordable", self.affordable, 0.0, 1.0)
-        check_range("turning_weight", self.turning_weight, 0.0, 100.0)
-        check_range("margin", self.margin, 0.0, 0.5)
-        check_range("return_weight", self.return_weight, 0.0, 1000.0)
-        check_range("command_timeout", self.command_timeout, 0.0, 10.0)
-        check_range("grid", self.grid, 4, 64)
+        """Refuse values outside their range."""
+        check(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.params import check, param
 from tt_core.states import Array
 
 from .swing import Swing
@@ -15,12 +15,14 @@ from .swing import Swing
 class ServoParams:
     """Feed-forward and feedback."""
 
-    gain: float = 15.0  # 1/s, of the position error; well below 1 / (4 lead), where the loop begins to ring
-    lead: float = 0.006  # s, the plant's lag (5 ms) and half of a tick of 2 ms, after which a command takes effect
+    gain: float = param(15.0, "1/s", "of the position error; well below 1 / (4 lead), where the loop begins to ring", low=0.0, high=1000.0)
+    lead: float = param(
+        0.006, "s", "the plant's lag (5 ms) and half of a tick of 2 ms, after which a command takes effect", low=0.0, high=0.1
+    )
 
     def __post_init__(self) -> None:
-        check_range("gain", self.gain, 0.0, 1000.0)
-        check_range("lead", self.lead, 0.0, 0.1)
+        """Refuse values outside their range."""
+        check(self)
 
 
 def follow(swing: Swing, time: float, q: Array, speed_limits: Array, params: ServoParams) -> Array:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from tt_core.errors import TtError, check_range
 from tt_core.failures import Failure
+from tt_core.params import check, param
 from tt_core.states import RacketState
 
 from .joints import Joints
@@ -22,17 +22,14 @@ HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
 class SelectionParams:
     """How long the arm looks among the candidates."""
 
-    tries: int = 6  # candidates that are worked out until one can be made, 1 ms each
-    hurried: int = 12  # candidates that are all worked out when balls come one after the other
-    spare: float = 0.02  # s, that the posture should leave to spare, if there is one
-    method: str = "best"  # of `reach`; "liu" for comparison
+    tries: int = param(6, "", "candidates that are worked out until one can be made, 1 ms each", low=1, high=100)
+    hurried: int = param(12, "", "candidates that are all worked out when balls come one after the other", low=1, high=100)
+    spare: float = param(0.02, "s", "that the posture should leave to spare, if there is one", low=0.0, high=1.0)
+    method: str = param("best", "", "method of `reach`; liu is the dissertation's, for comparison", choices=("best", "near", "liu"))
 
     def __post_init__(self) -> None:
-        check_range("tries", self.tries, 1, 100)
-        check_range("hurried", self.hurried, 1, 100)
-        check_range("spare", self.spare, 0.0, 1.0)
-        if self.method not in ("best", "near", "liu"):
-            raise TtError(f"method {self.method!r} is none of best, near, liu")
+        """Refuse values outside their range."""
+        check(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

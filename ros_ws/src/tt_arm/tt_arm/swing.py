@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_range
+from tt_core.params import check, param
 from tt_core.states import Array
 
 from .joints import Joints
@@ -42,29 +43,32 @@ SOFT = 1.6  # times the least time to slow down: a quintic without acceleration 
 class SwingLimits:
     """What a swing may use; position and speed limits are the model's."""
 
-    acceleration: float = 20.0  # rad/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
-    speed_share: float = 1.0  # of the speed limits, Table A.12
-    unhurried: float = 1.4  # a leg from rest to the strike takes this times its least time, if there is time
-    unhurried_return: float = 1.0  # and so may the way back: the next ball comes soon
-    torque_share: float = 1.0  # of the rated torque, checked over the whole path with assumed inertias
-    margin: float = 0.02  # rad, kept from the position limits; more than the guard keeps
-    clearance: float = 0.010  # m, that racket and forearm keep from table, floor and arm; more than the guard keeps
-    command_timeout: float = 0.1  # s, for which the drives hold a command; from anywhere on a path they may do that, then brake, unhurt
-    jerk: float = 4000.0  # rad/s^3 of each joint, but for the profile "polyline"; our choice: 5 ms to the full acceleration
-    profile: str = "auto"  # of a joint: see PROFILES and the top of this file
+    acceleration: float = param(
+        20.0, "rad/s^2", "of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice", low=0.1, high=1000.0
+    )
+    speed_share: float = param(1.0, "", "of the speed limits, Table A.12", low=0.01, high=1.0)
+    unhurried: float = param(1.4, "", "a leg from rest to the strike takes this times its least time, if there is time", low=1.0, high=10.0)
+    unhurried_return: float = param(1.0, "", "and so may the way back: the next ball comes soon", low=1.0, high=10.0)
+    torque_share: float = param(1.0, "", "of the rated torque, checked over the whole path with assumed inertias", low=0.01, high=100.0)
+    margin: float = param(0.02, "rad", "kept from the position limits; more than the guard keeps", low=0.0, high=0.5)
+    clearance: float = param(
+        0.010, "m", "that racket and forearm keep from table, floor and arm; more than the guard keeps", low=0.0, high=0.5
+    )
+    command_timeout: float = param(
+        0.1, "s", "for which the drives hold a command; from anywhere on a path they may do that, then brake, unhurt", low=0.0, high=10.0
+    )
+    jerk: float = param(
+        4000.0,
+        "rad/s",
+        '^3 of each joint, but for the profile "polyline"; our choice: 5 ms to the full acceleration',
+        low=1.0,
+        high=1000000.0,
+    )
+    profile: str = param("auto", "", "profile of a joint's motion, see `tt_arm.swing`", choices=PROFILES)
 
     def __post_init__(self) -> None:
-        check_range("acceleration", self.acceleration, 0.1, 1000.0)
-        check_range("speed_share", self.speed_share, 0.01, 1.0)
-        check_range("torque_share", self.torque_share, 0.01, 100.0)
-        check_range("command_timeout", self.command_timeout, 0.0, 10.0)
-        check_range("jerk", self.jerk, 1.0, 1e6)
-        check_range("margin", self.margin, 0.0, 0.5)
-        check_range("clearance", self.clearance, 0.0, 0.5)
-        check_range("unhurried", self.unhurried, 1.0, 10.0)
-        check_range("unhurried_return", self.unhurried_return, 1.0, 10.0)
-        if self.profile not in PROFILES:
-            raise TtError(f"profile = {self.profile!r} is none of {', '.join(PROFILES)}")
+        """Refuse values outside their range."""
+        check(self)
 
     @property
     def ramp(self) -> float:

@@ -58,7 +58,7 @@ class Demo(Node):
         self.enabler = self.create_client(SetBool, "/arm/enable")
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
         self.create_subscription(Odometry, "/ball/measured", self.on_measured, RELIABLE)
-        self.create_subscription(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", self.on_swing, LATEST)
+        self.create_subscription(JointTrajectory, "/arm/swing", self.on_swing, LATEST)
 
     def forget(self) -> None:
         self.told, self.measured, self.latency_ms, self.refusal = None, None, None, None
@@ -153,7 +153,7 @@ def main() -> None:
     given = {"rtf": str(args.rtf), "seed": str(args.seed), "use_sim_time": "false" if args.rtf == 1.0 else "true", "physics": "liu"}
     given["enabled"] = "false"  # it is enabled here, when all nodes are there
     processes = launch.processes(packages.launch_file("tt_bringup", "sim.launch.yaml"), given)
-    recorder = (str(packages.executable("tt_bringup", "record_node")), "--ros-args", "-p", f"output:='{out / 'bag'}'")
+    recorder = (str(packages.executable("tt_tools", "record_node")), "--ros-args", "-p", f"output:='{out / 'bag'}'")
     processes = [launch.Process("record", recorder), *processes]
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     log = (out / "log.txt").open("w", buffering=1)

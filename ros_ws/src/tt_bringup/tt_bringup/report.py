@@ -19,7 +19,8 @@ from tt_core.ros.bags import Bag
 
 from .demo_metrics import DemoMetrics
 
-TOPICS = ("/sim/ball", "/ball/path", "/return/goal", "/joint_states", "/arm_trajectory_controller/joint_trajectory", "/diagnostics")
+TOPICS = ("sim/ball", "ball/path", "return/goal", "joint_states", "arm/swing", "diagnostics")
+OLD_NAMES = {"arm_trajectory_controller/joint_trajectory": "arm/swing"}  # in bags of earlier versions
 PAUSE = 0.05  # s without a true ball, after which the next one is another; states are 2 ms apart
 STAGES = ("estimate", "predict", "racket", "arm")
 
@@ -33,11 +34,19 @@ def _xyz(v: Any) -> list[float]:
 
 
 def read(path: Path) -> dict[str, list[Any]]:
-    """Messages by topic, those that the page shows. Raises BagError."""
+    """Read the messages that the page shows.
+
+    Returns:
+        Messages by the relative names of their topics, TOPICS.
+
+    Raises:
+        BagError: The bag cannot be read, or holds several robots.
+    """
     found = defaultdict(list)
     with Bag(path) as bag:
-        for message in bag.messages(TOPICS):
-            found[message.topic].append(bag.decode(message))
+        names = {bag.find(name): OLD_NAMES.get(name, name) for name in (*TOPICS, *OLD_NAMES)}
+        for message in bag.messages([name for name in names if name]):
+            found[names[message.topic]].append(bag.decode(message))
     return found
 
 
@@ -54,18 +63,18 @@ def flights(found: dict[str, list[Any]]) -> go.Figure:
     figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=0, y1=NET_HEIGHT, line={"color": "#444", "width": 2}, row=1, col=1)
     figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=0, y1=TABLE_WIDTH, line={"color": "#1b5e9b"}, row=2, col=1)
     figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=0, y1=TABLE_WIDTH, line={"color": "#444"}, row=2, col=1)
-    for i, rows in enumerate(balls(found["/sim/ball"])):
+    for i, rows in enumerate(balls(found["sim/ball"])):
         colour = qualitative.Dark24[i % len(qualitative.Dark24)]
         for row, axis in ((1, 3), (2, 2)):
             shared = {"legendgroup": str(i), "mode": "lines", "line": {"color": colour}}
             figure.add_scatter(x=rows[:, 1], y=rows[:, axis], name=f"ball {i + 1}", showlegend=row == 1, row=row, col=1, **shared)
-    for path in found["/ball/path"]:
+    for path in found["ball/path"]:
         points = np.array([_xyz(p.transforms[0].translation) for p in path.points])
         for row, axis in ((1, 2), (2, 1)):
             dotted = {"mode": "lines", "line": {"color": "#999", "dash": "dot"}, "name": "predicted", "legendgroup": "predicted"}
-            first = path is found["/ball/path"][0] and row == 1
+            first = path is found["ball/path"][0] and row == 1
             figure.add_scatter(x=points[:, 0], y=points[:, axis], showlegend=first, row=row, col=1, **dotted)
-    asked = np.array([_xyz(m.points[0].transforms[0].translation) for m in found["/return/goal"]]).reshape(-1, 3)
+    asked = np.array([_xyz(m.points[0].transforms[0].translation) for m in found["return/goal"]]).reshape(-1, 3)
     figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker={"symbol": "x", "color": "black"}, name="asked", row=2, col=1)
     figure.update_yaxes(title_text="z, m", scaleanchor="x", row=1, col=1, range=[-0.1, 0.7])
     figure.update_yaxes(title_text="y, m", scaleanchor="x", row=2, col=1)
@@ -76,8 +85,8 @@ def flights(found: dict[str, list[Any]]) -> go.Figure:
 def joints(found: dict[str, list[Any]]) -> go.Figure:
     """The last swing: planned and measured angle of each joint around the strike, as dissertation Figures 4.11 to 4.14."""
     figure = make_subplots(rows=4, cols=2, shared_xaxes=True)
-    swings = found["/arm_trajectory_controller/joint_trajectory"]
-    states = found["/joint_states"]
+    swings = found["arm/swing"]
+    states = found["joint_states"]
     if not swings or not states:
         return figure.update_layout(title="No swing")
     swing = swings[-1]
@@ -99,7 +108,7 @@ def joints(found: dict[str, list[Any]]) -> go.Figure:
 def latencies(found: dict[str, list[Any]]) -> go.Figure:
     """Of each stage, from the middle of the last frame's exposure."""
     of: dict[str, list[float]] = {stage: [] for stage in STAGES}
-    for message in found["/diagnostics"]:
+    for message in found["diagnostics"]:
         for status in message.status:
             told = {v.key: v.value for v in status.values}
             if status.name in of and "latency_ms" in told and status.message != "swing":

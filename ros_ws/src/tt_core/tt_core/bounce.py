@@ -15,9 +15,8 @@ from numba import njit
 
 from .constants import BALL_RADIUS
 from .errors import OutOfRange, check_array, check_range
+from .params import check, param
 from .states import Array, RacketState
-
-TABLE_RANGES = {"restitution": (0.0, 1.0), "friction": (0.0, 2.0), "grip": (0.0, 2.0)}
 
 
 @dataclass(frozen=True)
@@ -28,13 +27,13 @@ class TableRebound:
     gives some of it back.
     """
 
-    restitution: float = 0.93  # Section 3.3
-    friction: float = 0.25  # Section 3.3
-    grip: float = 1.0
+    restitution: float = param(0.93, "", "share of the vertical speed after the bounce, e_t of (3.7), Section 3.3", low=0.0, high=1.0)
+    friction: float = param(0.25, "", "friction coefficient while the ball slips, mu of (3.8), Section 3.3", low=0.0, high=2.0)
+    grip: float = param(1.0, "", "tangential impulse in grip over that of rolling, 1 is (3.14)", low=0.0, high=2.0)
 
     def __post_init__(self) -> None:
-        for name, (low, high) in TABLE_RANGES.items():
-            check_range(name, getattr(self, name), low, high)
+        """Refuse values outside their range."""
+        check(self)
 
     @classmethod
     def liu(cls) -> TableRebound:
@@ -71,25 +70,19 @@ class RacketRebound:
     cross product of slip impulse and normal (4.14), so the ratio of both is constant.
     """
 
-    restitution: float = 0.73  # e_r, Section 3.4
-    tangential: float = 0.615  # k_pv, Section 3.4
-    rotational: float = 2570.0  # k_pw, 1/m^2, Section 3.4
-    restitution_drop: float = 0.0  # s/m
-    restitution_least: float = 0.0
-    tangential_drop: float = 0.0  # s/m
-    tangential_least: float = 0.0
+    restitution: float = param(0.73, "", "restitution along the face normal, e_r, Section 3.4", low=0.0, high=1.0)
+    tangential: float = param(0.615, "", "share of the slip velocity that the rubber takes, k_pv, Section 3.4", low=1e-3, high=2.0)
+    rotational: float = param(2570.0, "1/m^2", "spin change per slip, k_pw, Section 3.4", low=0.0, high=2e4)
+    restitution_drop: float = param(0.0, "s/m", "fall of the restitution with the approach speed", low=0.0, high=1.0)
+    restitution_least: float = param(0.0, "", "least restitution", low=0.0, high=1.0)
+    tangential_drop: float = param(0.0, "s/m", "fall of `tangential` with the slip speed", low=0.0, high=1.0)
+    tangential_least: float = param(0.0, "", "least `tangential`", low=0.0, high=2.0)
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("restitution", 0.0, 1.0),
-            ("tangential", 1e-3, 2.0),
-            ("rotational", 0.0, 2e4),
-            ("restitution_drop", 0.0, 1.0),
-            ("restitution_least", 0.0, self.restitution),
-            ("tangential_drop", 0.0, 1.0),
-            ("tangential_least", 0.0, self.tangential),
-        ):
-            check_range(name, getattr(self, name), low, high)
+        """Refuse values outside their range."""
+        check(self)
+        check_range("restitution_least", self.restitution_least, 0.0, self.restitution)
+        check_range("tangential_least", self.tangential_least, 0.0, self.tangential)
 
     @classmethod
     def liu(cls) -> RacketRebound:

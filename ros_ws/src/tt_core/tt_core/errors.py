@@ -36,6 +36,15 @@ class NotFinite(TtError):
         self.name, self.value = name, value
 
 
+class BadChoice(TtError):
+    """A text that is none of those allowed."""
+
+    def __init__(self, name: str, value: str, choices: tuple[str, ...]) -> None:
+        """Keep the value and the choices, so that a caller can decide on them."""
+        super().__init__(f"{name} = {value!r} is none of {', '.join(map(repr, choices))}")
+        self.name, self.value, self.choices = name, value, choices
+
+
 class BadMessage(TtError):
     """A message that does not hold what its topic promises."""
 

@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 
 from .constants import AIR_DENSITY, BALL_MASS, BALL_RADIUS, GRAVITY
-from .errors import check_array, check_range
+from .errors import check_array
+from .params import check, param
 from .states import Array
 
 MAX_STEP = 0.025  # s, of the integrator
@@ -24,17 +25,6 @@ LEAST_EASE = 0.01  # of a step
 
 DRAG_UNIT = AIR_DENSITY / BALL_MASS * 0.5 * math.pi * BALL_RADIUS**2  # 1/m for C_D = 1, (3.1)
 LIFT_UNIT = AIR_DENSITY / BALL_MASS * 4.0 / 3.0 * math.pi * BALL_RADIUS**3  # dimensionless for C_M = 1, (3.1)
-
-AIR_RANGES = {
-    "drag": (0.0, 2.0),
-    "drag_h": (-1.0, 1.0),
-    "lift": (-1.0, 1.0),
-    "lift_h": (-1.0, 1.0),
-    "lift_ratio": (-1.0, 1.0),
-    "ratio_offset": (0.01, 10.0),
-    "spin_decay": (0.0, 10.0),
-    "gravity": (0.0, 30.0),
-}
 
 
 @dataclass(frozen=True)
@@ -45,18 +35,18 @@ class Aerodynamics:
     S = r |w| / |v|; acceleration -g - C_D DRAG_UNIT |v| v + C_M LIFT_UNIT w x v (3.1); spin falls with rate spin_decay.
     """
 
-    drag: float = 0.505  # a_D, (3.2)
-    drag_h: float = 0.065  # b_D, (3.2)
-    lift: float = 0.094  # a_M, (3.2)
-    lift_h: float = -0.026  # b_M, (3.2)
-    lift_ratio: float = 0.0  # lift that falls with the spin ratio
-    ratio_offset: float = 1.0
-    spin_decay: float = 0.0  # 1/s
-    gravity: float = GRAVITY  # m/s^2
+    drag: float = param(0.505, "", "drag coefficient a_D of (3.2)", low=0.0, high=2.0)
+    drag_h: float = param(0.065, "", "change of the drag coefficient with h of (3.3), b_D of (3.2)", low=-1.0, high=1.0)
+    lift: float = param(0.094, "", "lift coefficient a_M of (3.2)", low=-1.0, high=1.0)
+    lift_h: float = param(-0.026, "", "change of the lift coefficient with h of (3.3), b_M of (3.2)", low=-1.0, high=1.0)
+    lift_ratio: float = param(0.0, "", "numerator of the part of the lift coefficient that falls with the spin ratio", low=-1.0, high=1.0)
+    ratio_offset: float = param(1.0, "", "offset of the spin ratio in the denominator of that part", low=0.01, high=10.0)
+    spin_decay: float = param(0.0, "1/s", "rate at which the spin decays", low=0.0, high=10.0)
+    gravity: float = param(GRAVITY, "m/s^2", "acceleration of gravity", low=0.0, high=30.0)
 
     def __post_init__(self) -> None:
-        for name, (low, high) in AIR_RANGES.items():
-            check_range(name, getattr(self, name), low, high)
+        """Refuse values outside their range."""
+        check(self)
 
     @classmethod
     def liu(cls) -> Aerodynamics:

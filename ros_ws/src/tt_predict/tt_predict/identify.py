@@ -12,16 +12,16 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
-from tt_core.bounce import TABLE_RANGES
+from tt_core.bounce import TableRebound
 from tt_core.errors import TtError
 from tt_core.events import MOST_BOUNCES, Rows, walk
-from tt_core.flight import AIR_RANGES
+from tt_core.flight import Aerodynamics
 from tt_core.physics import Physics
 from tt_core.states import Array
 
@@ -32,7 +32,11 @@ SPIN_UNIT = 100.0  # rad/s, scales the fit
 MOST_SPIN = 1000.0  # rad/s
 SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins that the fit may start from; at 0 (3.3) jumps
 START_CORRECTIONS = 3
-_RANGES = {f"air.{name}": r for name, r in AIR_RANGES.items()} | {f"table.{name}": r for name, r in TABLE_RANGES.items()}
+_RANGES = {
+    f"{prefix}.{f.name}": (f.metadata["low"], f.metadata["high"])
+    for prefix, model in (("air", Aerodynamics), ("table", TableRebound))
+    for f in fields(model)
+}
 _TINY = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4])  # m, m/s: differences for the Jacobian by the start
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,12 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.ros.convert import ball_from_message, path_to_message
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
-from tt_core.ros.params import declare_physics, parameter
+from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import BallState
@@ -25,20 +27,31 @@ from .uncertainty import uncertainty
 LARGEST_STATE = 4096  # bytes: a state has 730
 
 
+@dataclass(frozen=True)
+class PredictParams:
+    """How far the ball is followed."""
+
+    until_x: float = param(-0.5, "m", "x of the plane in `table` at which a path ends", low=-100.0, high=100.0)
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+
 class PredictNode(Node):
-    """/ball/state -> /ball/path up to the plane `until_x`, the end of the robot's reach; how uncertain it is there goes to /diagnostics."""
+    """ball/state -> /ball/path up to the plane `until_x`, the end of the robot's reach; how uncertain it is there goes to /diagnostics."""
 
     def __init__(self) -> None:
         super().__init__("predict")
         self.physics = declare_physics(self)
-        self.stop = StopRule.at_x(parameter(self, "until_x", -0.5))
+        self.stop = StopRule.at_x(declare(self, PredictParams).until_x)
         ball = BallState(0.0, np.array([2.6, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.array([0.0, -300.0, 0.0]))
         rollout(ball, self.physics, self.stop)  # loads the kernels
         uncertainty(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
         self.status = Status(self)
-        self.path = self.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
+        self.path = self.create_publisher(MultiDOFJointTrajectory, "ball/path", RELIABLE)
         self.refused = Refusals(self.status, "state")
-        states = Input(self, Odometry, "/ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
+        states = Input(self, Odometry, "ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
         self.status.wait_for([states])
 
     def on_ball(self, message: Odometry) -> None:

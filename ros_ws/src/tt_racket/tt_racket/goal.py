@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.params import check, param
 from tt_core.states import Array, ReturnGoal
 
 
@@ -13,17 +13,16 @@ from tt_core.states import Array, ReturnGoal
 class GoalParams:
     """Place and time of Table 4.5(b); spin answered by its kind."""
 
-    landing_x: float = 2.055  # m, Table 4.5(b)
-    landing_y: float = 0.7625  # m, the middle
-    flight_time: float = 0.6  # s, Table 4.5(b), back spin
-    back_spin_y: float = -125.66  # rad/s, Table 4.5(b), answer to back spin
-    top_spin_y: float = 104.72  # rad/s, Table 4.5(b), answer to topspin
-    side_spin_z: float = 100.0  # rad/s, Table 4.2(b) case 3, answer to side spin, against it
+    landing_x: float = param(2.055, "m", "Table 4.5(b)", low=1.37, high=2.74, dynamic=True)
+    landing_y: float = param(0.7625, "m", "the middle", low=0.0, high=1.525, dynamic=True)
+    flight_time: float = param(0.6, "s", "Table 4.5(b), back spin", low=0.1, high=2.0, dynamic=True)
+    back_spin_y: float = param(-125.66, "rad/s", "Table 4.5(b), answer to back spin", dynamic=True)
+    top_spin_y: float = param(104.72, "rad/s", "Table 4.5(b), answer to topspin", dynamic=True)
+    side_spin_z: float = param(100.0, "rad/s", "Table 4.2(b) case 3, answer to side spin, against it", dynamic=True)
 
     def __post_init__(self) -> None:
-        check_range("landing_x", self.landing_x, 1.37, 2.74)
-        check_range("landing_y", self.landing_y, 0.0, 1.525)
-        check_range("flight_time", self.flight_time, 0.1, 2.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 def default_goal(spin: Array, params: GoalParams) -> ReturnGoal:

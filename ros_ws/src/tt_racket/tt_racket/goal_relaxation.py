@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from tt_core.constants import NET_X, TABLE_LENGTH, TABLE_WIDTH
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState, ReturnGoal
 
@@ -23,21 +24,20 @@ _DIRECTIONS = [(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4.0]
 class RelaxationParams:
     """order: what is given up first. The steps of a search, and how far it goes."""
 
-    order: tuple[str, ...] = ("spin", "time", "place")
-    spin_step: float = 40.0  # rad/s
-    time_step: float = 0.04  # s
-    time_most: float = 0.4  # s, longer or shorter
-    place_step: float = 0.1  # m
-    place_most: float = 0.6  # m
+    order: tuple[str, ...] = param(
+        ("spin", "time", "place"), "", "what of a goal out of reach is given up, in this order", choices=("spin", "time", "place")
+    )
+    spin_step: float = param(40.0, "rad/s", "", low=1.0, high=1000.0)
+    time_step: float = param(0.04, "s", "", low=0.005, high=1.0)
+    time_most: float = param(0.4, "s", "longer or shorter", low=0.0, high=2.0)
+    place_step: float = param(0.1, "m", "", low=0.01, high=1.0)
+    place_most: float = param(0.6, "m", "", low=0.0, high=2.0)
 
     def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
         if len(set(self.order)) != len(self.order) or not set(self.order) <= set(_SEARCHES):
             raise TtError(f"order = {self.order} is not an order of {', '.join(_SEARCHES)}")
-        check_range("spin_step", self.spin_step, 1.0, 1000.0)
-        check_range("time_step", self.time_step, 0.005, 1.0)
-        check_range("time_most", self.time_most, 0.0, 2.0)
-        check_range("place_step", self.place_step, 0.01, 1.0)
-        check_range("place_most", self.place_most, 0.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from tt_core.errors import TtError, check_range
+from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
@@ -21,26 +22,24 @@ MOST_CANDIDATES = 64  # points of a path at which a stroke is solved: a usual ba
 class InterceptParams:
     """The window in which the arm can put the racket, and how many points of the path in it are tried."""
 
-    x_low: float = -0.40  # m, a little more than dissertation Section 4.5.1: a later strike is one that the arm has time for
-    x_high: float = 0.0  # m, dissertation Section 4.5.1
-    y_low: float = 0.25  # m, where the arm reaches everything from its base
-    y_high: float = 1.275  # m
-    z_low: float = 0.12  # m, the racket's edge clears the table
-    z_high: float = 0.55  # m
-    spacing: float = 0.012  # s between candidates
-    racket_speed: float = 3.5  # m/s, the most that is offered to the arm
-    traded: int = 4  # points at which a return is searched that gives up some of the goal, 10 ms each at most
-    landing_rms: float = 0.5  # m, as bad in the order of candidates as a racket at racket_speed
+    x_low: float = param(-0.40, "m", "a little more than dissertation Section 4.5.1: a later strike is one that the arm has time for")
+    x_high: float = param(0.0, "m", "dissertation Section 4.5.1")
+    y_low: float = param(0.25, "m", "where the arm reaches everything from its base")
+    y_high: float = param(1.275, "m", "")
+    z_low: float = param(0.12, "m", "the racket's edge clears the table")
+    z_high: float = param(0.55, "m", "")
+    spacing: float = param(0.012, "s", "between candidates", low=0.001, high=0.2)
+    racket_speed: float = param(3.5, "m/s", "the most that is offered to the arm", low=0.1, high=20.0)
+    traded: int = param(4, "", "points at which a return is searched that gives up some of the goal, 10 ms each at most", low=1, high=100)
+    landing_rms: float = param(0.5, "m", "as bad in the order of candidates as a racket at racket_speed", low=0.01, high=1000.0)
 
     def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
         check_range("x_low", self.x_low, -2.0, self.x_high)
         check_range("x_high", self.x_high, self.x_low, 1.0)
         check_range("y_low", self.y_low, -1.0, self.y_high)
         check_range("z_low", self.z_low, 0.0, self.z_high)
-        check_range("spacing", self.spacing, 1e-3, 0.2)
-        check_range("racket_speed", self.racket_speed, 0.1, 20.0)
-        check_range("traded", self.traded, 1, 100)
-        check_range("landing_rms", self.landing_rms, 0.01, 1e3)
 
     @classmethod
     def window(cls, name: str) -> InterceptParams:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
-from tt_core.ros.params import declare, declare_physics, parameter
+from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import BallPath, BallState, ReturnGoal
@@ -25,14 +28,27 @@ LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
 LARGEST_GOAL = 4096  # bytes: one point has 200
 
 
+@dataclass(frozen=True)
+class RacketParams:
+    """Where strokes are looked for."""
+
+    window: str = param(
+        "near", "", "defaults of the hit window: near the table, or all that the arm reaches", choices=("near", "reachable")
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+
 class RacketNode(Node):
-    """/ball/path and /return/goal -> /racket/strokes. Until a goal arrives, the goal answers the ball's spin."""
+    """ball/path and /return/goal -> /racket/strokes. Until a goal arrives, the goal answers the ball's spin."""
 
     def __init__(self) -> None:
         super().__init__("racket")
         self.physics = declare_physics(self)
-        self.params = declare(self, InterceptParams.window(parameter(self, "window", "near")))
-        self.goal_params = declare(self, GoalParams, "goal.")
+        self.params = declare(self, InterceptParams.window(declare(self, RacketParams).window))
+        self.goal_params = declare(self, GoalParams, "goal.", changed=self.on_goal_params)
         self.trade = declare(self, RelaxationParams, "trade.")
         self.errors = declare(self, StrikeErrorParams, "errors.")
         self.goal: ReturnGoal | None = None
@@ -41,12 +57,16 @@ class RacketNode(Node):
         BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)  # loads the kernels, as does
         landing_rms(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)
         self.status = Status(self)
-        self.strokes = self.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
+        self.strokes = self.create_publisher(MultiDOFJointTrajectory, "racket/strokes", LATEST)
         self.bad_goals, self.bad_paths = Refusals(self.status, "goal"), Refusals(self.status, "path")
         kind = MultiDOFJointTrajectory
-        Input(self, kind, "/return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
-        paths = Input(self, kind, "/ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
+        Input(self, kind, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
+        paths = Input(self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
         self.status.wait_for([paths])
+
+    def on_goal_params(self, params: GoalParams) -> None:
+        """Use other defaults for the next ball."""
+        self.goal_params = params
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
         try:

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 from tt_core.bounce import rebound_racket
-from tt_core.errors import check_range
 from tt_core.flight import fly_into
+from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
@@ -21,16 +21,14 @@ from .stroke import COARSE_STEP, Stroke
 class StrikeErrorParams:
     """Standard deviations at the strike, each axis alike; assumptions of the order that measurement and arm reach."""
 
-    racket_velocity: float = 0.03  # m/s
-    racket_angle: float = 0.01  # rad, about each of the two axes of the face
-    ball_velocity: float = 0.05  # m/s
-    ball_spin: float = 15.0  # rad/s
+    racket_velocity: float = param(0.03, "m/s", "", low=0.0, high=1.0)
+    racket_angle: float = param(0.01, "rad", "about each of the two axes of the face", low=0.0, high=0.5)
+    ball_velocity: float = param(0.05, "m/s", "", low=0.0, high=2.0)
+    ball_spin: float = param(15.0, "rad/s", "", low=0.0, high=500.0)
 
     def __post_init__(self) -> None:
-        check_range("racket_velocity", self.racket_velocity, 0.0, 1.0)
-        check_range("racket_angle", self.racket_angle, 0.0, 0.5)
-        check_range("ball_velocity", self.ball_velocity, 0.0, 2.0)
-        check_range("ball_spin", self.ball_spin, 0.0, 500.0)
+        """Refuse values outside their range."""
+        check(self)
 
     @cached_property
     def sigmas(self) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from tt_core.errors import check_range
+from tt_core.params import check, param
 from tt_core.physics import Physics
 
 FURTHEST = 3.0  # standard deviations that a draw goes
@@ -15,16 +16,18 @@ FURTHEST = 3.0  # standard deviations that a draw goes
 class DomainRandomization:
     """Standard deviations, each as a share of its coefficient."""
 
-    drag: float = 0.0
-    lift: float = 0.0
-    spin_decay: float = 0.0
-    restitution: float = 0.0  # of the table
-    friction: float = 0.0
-    grip: float = 0.0
-    rubber_restitution: float = 0.0
-    rubber_grip: float = 0.0  # of the tangential coefficient; the turn that goes with it stays in proportion
+    drag: float = param(0.0, "", "")
+    lift: float = param(0.0, "", "")
+    spin_decay: float = param(0.0, "", "")
+    restitution: float = param(0.0, "", "of the table")
+    friction: float = param(0.0, "", "")
+    grip: float = param(0.0, "", "")
+    rubber_restitution: float = param(0.0, "", "")
+    rubber_grip: float = param(0.0, "", "of the tangential coefficient; the turn that goes with it stays in proportion")
 
     def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
         for field in fields(self):
             check_range(field.name, getattr(self, field.name), 0.0, 0.5)
 

@@ -28,7 +28,9 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
+from tt_core.physics import Physics
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
     ball_to_message,
@@ -42,7 +44,7 @@ from tt_core.ros.convert import (
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.node_main import run
-from tt_core.ros.params import declare, declare_physics, parameter
+from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
 from tt_core.states import BallState
 from tt_vision.rig import FRAME_RATE, high_speed_pair
@@ -73,20 +75,29 @@ MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
 class SimParams:
     """The simulator itself."""
 
-    rtf: float = 1.0  # simulated seconds in a second
-    seed: int = 0
-    tick: float = 0.002  # s, between two states of the arm
-    clock_rate: float = 250.0  # 1/s, of /clock
-    lead: float = 0.05  # s, from the images being ready to the launch
-    always_on: bool = False  # frames without a ball are published too
-    repeat: int = 0  # launches, after which the same ones begin again; 0: never
+    rtf: float = param(1.0, "", "simulated seconds in a second", low=0.01, high=10.0)
+    seed: int = param(0, "", "seed of all that is random", low=0, high=2**31)
+    world: str = param("", "", "name or path of a world file; empty: `physics` and `plant`")
+    shots: tuple[str, ...] = param(
+        ("top 3", "back 3", "left 3", "top 5", "back 4", "right 4"), "", "kind and scale of each launch, by turns", dynamic=True
+    )
+    tick: float = param(0.002, "s", "between two states of the arm", low=0.0005, high=0.02)
+    clock_rate: float = param(250.0, "1/s", "of /clock", low=1.0, high=1000.0)
+    lead: float = param(0.05, "s", "from the images being ready to the launch", low=0.0, high=5.0)
+    always_on: bool = param(False, "", "frames without a ball are published too")
+    repeat: int = param(0, "", "launches, after which the same ones begin again; 0: never", low=0, high=1000000.0)
 
     def __post_init__(self) -> None:
-        check_range("rtf", self.rtf, 0.01, 10.0)
-        check_range("tick", self.tick, 5e-4, 0.02)
-        check_range("clock_rate", self.clock_rate, 1.0, 1000.0)
-        check_range("lead", self.lead, 0.0, 5.0)
-        check_range("repeat", self.repeat, 0, 1e6)
+        """Refuse values outside their range."""
+        check(self)
+        if not self.shots:
+            raise TtError("shots = () is empty")
+        self.all_shots  # noqa: B018  # raises for a shot that there is not
+
+    @property
+    def all_shots(self) -> list[tuple[str, int]]:
+        """Kind and scale of each shot."""
+        return [shot(text) for text in self.shots]
 
 
 @dataclass
@@ -100,16 +111,18 @@ class Flight:
 
 
 class SimNode(Node):
-    """/arm_velocity_controller/commands and /launcher/launch -> images, the wide cameras' pixels of the ball, /joint_states, /clock, and
+    """arm_velocity_controller/commands and /launcher/launch -> images, the wide cameras' pixels of the ball, /joint_states, /clock, and
     the truth on /sim/*."""
 
     def __init__(self) -> None:
         super().__init__("sim")
-        self.params, name = declare(self, SimParams), parameter(self, "world", "")
+        self.params = declare(self, SimParams, changed=self.on_params)
         own = WorldParams(declare_physics(self), plant=declare(self, PlantParams, "plant."))
-        self.world = load_world(name) if name else own
-        self.launcher = declare(self, LauncherParams, "launcher.")
-        self.shots = [shot(s) for s in parameter(self, "shots", ["top 3", "back 3", "left 3", "top 5", "back 4", "right 4"])]
+        self.world = load_world(self.params.world) if self.params.world else own
+        if self.params.world and (own.physics, own.plant) != (Physics.liu(), PlantParams()):
+            raise TtError(f"world = {self.params.world!r} excludes other values of physics, air.*, table.*, racket.* and plant.*")
+        self.launcher = declare(self, LauncherParams, "launcher.", changed=self.on_launcher)
+        self.shots = self.params.all_shots
         world = self.world
         self.studio = LaunchRenderer(self.params.seed, self.launcher, world.physics, world.domain_randomization, world.cameras)
         self.crew = RenderWorker(self.studio)
@@ -122,34 +135,41 @@ class SimNode(Node):
         self.shown = -np.inf  # s, monotonic, when the last image of a ball left
 
         self.status = Status(self)
-        self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in CAMERAS]
-        self.infos = [self.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in CAMERAS]
+        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in CAMERAS]
+        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in CAMERAS]
         for publisher, camera, name in zip(self.infos, self.cameras, CAMERAS, strict=True):
             size = camera.width, camera.height
             publisher.publish(camera_to_message(*size, camera.matrix, camera.distortion, f"{name}_optical"))
-        self.pixels = [self.create_publisher(PointStamped, f"/camera/{name}/ball", SENSOR) for name in WIDE]
-        self.joints = self.create_publisher(JointState, "/joint_states", RELIABLE)
+        self.pixels = [self.create_publisher(PointStamped, f"camera/{name}/ball", SENSOR) for name in WIDE]
+        self.joints = self.create_publisher(JointState, "joint_states", RELIABLE)
         self.clock = self.create_publisher(Clock, "/clock", LATEST)
-        self.true_ball = self.create_publisher(Odometry, "/sim/ball", TRUTH)
-        self.true_racket = self.create_publisher(Odometry, "/sim/racket", TRUTH)
+        self.true_ball = self.create_publisher(Odometry, "sim/ball", TRUTH)
+        self.true_racket = self.create_publisher(Odometry, "sim/racket", TRUTH)
         self.commands = Input(
             self,
             Float64MultiArray,
-            "/arm_velocity_controller/commands",
+            "arm_velocity_controller/commands",
             self.on_command,
             NEWEST,
             largest=LARGEST,
             refused=self.on_refused,
         )
         self.create_timer(LOOK, self.look, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
-        self.create_service(Trigger, "/launcher/launch", self.on_launch)
+        self.create_service(Trigger, "launcher/launch", self.on_launch)
         answer_clock_pings(self)
         warm(self.plant)
         self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
         sys.setswitchinterval(SWITCH)
         threading.Thread(target=self.pace, daemon=True).start()
-        if self.launcher.rate:
-            threading.Thread(target=self.feed, daemon=True).start()
+        threading.Thread(target=self.feed, daemon=True).start()
+
+    def on_params(self, params: SimParams) -> None:
+        """Launch other shots from now on; what is rendered already comes first."""
+        self.params, self.shots = params, params.all_shots
+
+    def on_launcher(self, launcher: LauncherParams) -> None:
+        """Launch at another rate from now on."""
+        self.launcher = launcher
 
     def on_command(self, message: Float64MultiArray) -> None:
         try:
@@ -190,7 +210,7 @@ class SimNode(Node):
     def feed(self) -> None:
         """At a rate: keeps rendered launches in store."""
         while self.context.ok():
-            if len(self.ready) < STORE and time.monotonic() > self.shown + QUIET:
+            if self.launcher.rate and len(self.ready) < STORE and time.monotonic() > self.shown + QUIET:
                 self.render()
             else:
                 time.sleep(0.02)
@@ -243,7 +263,6 @@ class SimNode(Node):
         ]
         flight, launch_time = None, -np.inf
         flying = dict[float, Flight]()  # by the time of launch
-        period = 60.0 / self.launcher.rate if self.launcher.rate else 0.0
         braking, drive_told = True, -np.inf
         clock_due, dark_due = start, start if params.always_on else np.inf
         while self.context.ok():
@@ -267,6 +286,7 @@ class SimNode(Node):
                 if heard(self.clock):
                     self.clock.publish(Clock(clock=stamp(tick_due)))
                 clock_due = tick_due + 1.0 / params.clock_rate
+            period = 60.0 / self.launcher.rate if self.launcher.rate else 0.0
             free = len(flying) < (MOST_FLYING if period else 1)
             if self.ready and tick_due + params.lead >= launch_time + period and free:
                 flight = self.ready.popleft()

@@ -38,6 +38,10 @@ _SHARED = {"name", "if", "unless", "on_exit", "output", "respawn", "respawn_dela
 _KEYS = {
     "arg": {"name", "default", "description"},
     "set_env": {"name", "value", "if", "unless"},
+    "push_ros_namespace": {"namespace", "if", "unless"},
+    "set_remap": {"from", "to", "if", "unless"},
+    "set_parameters_from_file": {"filename", "if", "unless"},
+    "set_parameter": {"name", "value", "if", "unless"},
     "node": _SHARED | {"pkg", "exec", "namespace", "param", "remap", "args"},
     "executable": _SHARED | {"cmd"},
 }
@@ -126,6 +130,14 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
     return _SUBSTITUTION.sub(value, text)
 
 
+def parameter_file(name: str) -> str:
+    """Return the absolute path of a parameter file. Raises LaunchError if there is none."""
+    path = Path(name).absolute()
+    if not path.is_file():
+        raise LaunchError(f"there is no parameter file {path}")
+    return str(path)
+
+
 def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Process]:
     """What the launch file starts with the arguments `given`. Raises LaunchError or NotFound before anything runs."""
     path, given = Path(path).absolute(), given or {}
@@ -153,10 +165,11 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
     def options(keys: dict[str, Any]) -> Iterator[str]:
         if "name" in keys:
             yield from ("-r", f"__node:={fill(keys['name'])}")
-        if "namespace" in keys:
-            yield from ("-r", f"__ns:={'/' + fill(keys['namespace']).lstrip('/')}")
-        for remap in keys.get("remap", ()):
+        if namespace or "namespace" in keys:
+            yield from ("-r", f"__ns:={namespace}/{fill(keys.get('namespace', '')).strip('/')}".rstrip("/"))
+        for remap in (*remaps, *keys.get("remap", ())):
             yield from ("-r", f"{fill(remap['from'])}:={fill(remap['to'])}")
+        yield from parameters
         for param in keys.get("param", ()):
             if "from" in param:
                 yield from ("--params-file", fill(param["from"]))
@@ -169,11 +182,24 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
             yield from ("-p", f"{fill(param['name'])}:={value}")
 
     found, environment = [], dict[str, str]()
+    namespace, remaps, parameters = "", list[dict[str, str]](), list[str]()  # of all nodes that follow
     for kind, keys in read(path):
         if kind == "arg" or not holds(keys.get("if", "true")) or holds(keys.get("unless", "false")):
             continue
         if kind == "set_env":
             environment = {**environment, fill(keys["name"]): fill(keys["value"])}
+            continue
+        if kind == "push_ros_namespace":
+            namespace += f"/{fill(keys['namespace']).strip('/')}"
+            continue
+        if kind == "set_remap":
+            remaps.append(keys)
+            continue
+        if kind == "set_parameters_from_file":
+            parameters += ["--params-file", parameter_file(fill(keys["filename"]))]
+            continue
+        if kind == "set_parameter":
+            parameters += ["-p", f"{fill(keys['name'])}:={fill(str(keys['value']))}"]
             continue
         if keys.get("on_exit", "shutdown") != "shutdown":
             raise LaunchError(f"{path.name}: on_exit can only be shutdown, got {keys['on_exit']!r}")

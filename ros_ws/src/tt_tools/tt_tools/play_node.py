@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import rclpy
@@ -21,7 +21,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import Qos, QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.ros.bags import TYPES, Bag, BagError
 from tt_core.ros.discovery import RECORDERS, listeners
 from tt_core.ros.params import declare
@@ -37,35 +38,21 @@ ACKNOWLEDGED, SLICE = 2.0, 0.05  # s at the end for reliable subscribers, in sli
 
 @dataclass(frozen=True)
 class PlayParams:
-    """What is played and how.
+    """What is played and how."""
 
-    Attributes:
-        bag: Path of a bag of any kind.
-        rate: Recorded seconds in a second.
-        clock: Hz, of /clock with the recorded time; 0 for none.
-        topics: Topics to play; all if empty.
-        delay: s, to wait before anything else.
-        wait_for: Topics, played or not, each of which must have a subscriber before playback begins.
-        recorded: Whether playback also waits until a recorder subscribes to all topics that are published.
-        patience: s, for all to come that playback waits for.
-        linger: s, to stay after the last message, so that those who heard it can finish when the player's end is the end of all.
-    """
-
-    bag: str = ""
-    rate: float = 1.0
-    clock: float = 0.0
-    topics: list[str] = field(default_factory=list)
-    delay: float = 0.0
-    wait_for: list[str] = field(default_factory=list)
-    recorded: bool = False
-    patience: float = 120.0
-    linger: float = 0.0
+    bag: str = param("", "", "path of a bag of any kind")
+    rate: float = param(1.0, "", "recorded seconds in a second", low=1e-3, high=1e3)
+    clock: float = param(0.0, "Hz", "rate of /clock with the recorded time; 0 for none", low=0.0, high=1e4)
+    topics: tuple[str, ...] = param((), "", "topics to play; all if empty")
+    delay: float = param(0.0, "s", "time to wait before anything else", low=0.0, high=1e6)
+    wait_for: tuple[str, ...] = param((), "", "topics, played or not, each of which must have a subscriber before playback begins")
+    recorded: bool = param(False, "", "whether playback also waits until a recorder subscribes to all topics that are published")
+    patience: float = param(120.0, "s", "longest wait for the subscribers that playback waits for", low=0.0, high=1e6)
+    linger: float = param(0.0, "s", "time to stay after the last message, so that subscribers can finish", low=0.0, high=1e6)
 
     def __post_init__(self) -> None:
-        check_range("rate", self.rate, 1e-3, 1e3)
-        check_range("clock", self.clock, 0.0, 1e4)
-        for name in ("delay", "patience", "linger"):
-            check_range(name, getattr(self, name), 0.0, 1e6)
+        """Refuse values outside their range."""
+        check(self)
 
 
 class Interrupts:
@@ -130,7 +117,7 @@ class PlayNode(Node):
             bag: What is played.
             remap: New names by old ones.
         """
-        wanted = self.params.topics
+        wanted = [self.resolve_topic_name(name) for name in self.params.topics]
         for topic in bag.topics:
             if (wanted and topic.name not in wanted) or (self._ticks and topic.name == "/clock"):
                 continue

@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import time
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,12 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.ros.bags import BagError
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.node_main import run
-from tt_core.ros.params import parameter
+from tt_core.ros.params import declare
 
 from .bagfile import RESERVE
 from .packages import NotFound, interface
@@ -69,6 +71,22 @@ def free_name(output: str) -> str:
     return next(name for name in names if not Path(name).exists())
 
 
+@dataclass(frozen=True)
+class RecordParams:
+    """What is recorded, where, and what is kept free."""
+
+    output: str = param("auto", "", "new directory of the bag; auto: bags/ and the time")
+    numbered: bool = param(False, "", "add a number to `output` if it exists, as a recorder needs that is started again")
+    topics: tuple[str, ...] = param((), "", "topics to record; all if empty")
+    exclude: str = param("", "", "regular expression; topics in which it is found are not recorded")
+    queue_bytes: int = param(QUEUE, "bytes", "most that waits for the disk; what is beyond is dropped and counted", low=2**20, high=2**40)
+    reserve_bytes: int = param(RESERVE, "bytes", "what stays free on the disk", low=0, high=2**40)
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+
 class RecordNode(Node):
     """Topics -> a new rosbag2 directory, `output`, or bags/ and the time; what is lost -> diagnostics.
 
@@ -79,27 +97,22 @@ class RecordNode(Node):
 
     def __init__(self) -> None:
         super().__init__("record", enable_rosout=False, start_parameter_services=False)
-        output = parameter(self, "output", "auto")
-        if output == "auto":
-            output = time.strftime("bags/%Y-%m-%d_%H-%M-%S")
-        if parameter(self, "numbered", False):
+        params = declare(self, RecordParams)
+        output = time.strftime("bags/%Y-%m-%d_%H-%M-%S") if params.output == "auto" else params.output
+        if params.numbered:
             output = free_name(output)
-        self._wanted = {self.resolve_topic_name(str(name)) for name in parameter(self, "topics", [])}
-        exclude = parameter(self, "exclude", "")
+        self._wanted = {self.resolve_topic_name(name) for name in params.topics}
         try:
-            self._exclude = re.compile(exclude) if exclude else None
+            self._exclude = re.compile(params.exclude) if params.exclude else None
         except re.error as error:
-            raise TtError(f"exclude = {exclude!r} is no regular expression: {error}") from error
-        bounds = {
-            name: int(check_range(name, parameter(self, name, default), low, 2**40))
-            for name, default, low in (("queue_bytes", QUEUE, 2**20), ("reserve_bytes", RESERVE, 0))
-        }
+            raise TtError(f"exclude = {params.exclude!r} is no regular expression: {error}") from error
         self._seen: set[str] = set()
         self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last word and its time in s
         self.failed = False
         self._status = Status(self)
         self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._recording = Recording(Path(output), **bounds)  # last: what fails before it leaves no bag
+        # last: what fails before it leaves no bag
+        self._recording = Recording(Path(output), queue_bytes=params.queue_bytes, reserve_bytes=params.reserve_bytes)
         print(f"recording to {output}", flush=True)
 
     def _look(self) -> None:

@@ -55,14 +55,14 @@ def record(args: argparse.Namespace) -> None:
     output = args.output or datetime.now().strftime("rosbag2_%Y_%m_%d-%H_%M_%S")
     wanted = {"output": output, "topics": topics, "exclude": args.exclude_regex}
     parameters = [word for name, value in wanted.items() if value for word in ("-p", f"{name}:={json.dumps(value)}")]
-    program = packages.executable("tt_bringup", "record_node")
+    program = packages.executable("tt_tools", "record_node")
     os.execv(program, [str(program), "--ros-args", *parameters])
 
 
 def play(args: argparse.Namespace) -> None:
     from .play_node import PlayParams, play
 
-    params = PlayParams(str(args.bag), args.rate, args.clock or 0.0, args.topics, args.delay)
+    params = PlayParams(str(args.bag), args.rate, args.clock or 0.0, tuple(args.topics), args.delay)
     print(f"played {play(params, dict(args.remap))} messages")
 
 

@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import camera_to_message, image_to_message
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.discovery import is_heard
 from tt_core.ros.node_main import run
-from tt_core.ros.params import declare, parameter
+from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, SENSOR
 
 from .capture.devices import DeviceCounts, DeviceParams
@@ -30,14 +31,24 @@ from .rig import high_speed_pair
 class PlayParams:
     """How the images are published."""
 
-    speed: float = 1.0  # recorded seconds in a second; 0: as fast as they are read
-    restamp: bool = False  # stamps are moved so that the first image is now
-    loop: bool = False  # starts again at the end
-    wait: float = 30.0  # s, at most, for a node that listens to both cameras, as long as one may take to start
+    speed: float = param(1.0, "", "recorded seconds in a second; 0: as fast as they are read", low=0.0, high=100.0)
+    restamp: bool = param(False, "", "stamps are moved so that the first image is now")
+    loop: bool = param(False, "", "starts again at the end")
+    wait: float = param(
+        30.0, "s", "at most, for a node that listens to both cameras, as long as one may take to start", low=0.0, high=3600.0
+    )
 
     def __post_init__(self) -> None:
-        check_range("speed", self.speed, 0.0, 100.0)
-        check_range("wait", self.wait, 0.0, 3600.0)
+        """Refuse values outside their range."""
+        check(self)
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A camera and its lens."""
+
+    matrix: tuple[float, ...] = param((0.0,) * 9, "pixels", "camera matrix K, by rows")
+    distortion: tuple[float, ...] = param((0.0,) * 5, "", "distortion k1, k2, p1, p2, k3")
 
 
 class CameraNode(Node):
@@ -47,21 +58,24 @@ class CameraNode(Node):
         super().__init__("camera")
         self.source, self.play, self.device = declare(self, SourceParams), declare(self, PlayParams), declare(self, DeviceParams, "device.")
         self.counts = DeviceCounts()
+        rig = high_speed_pair()
+        defaults = [Intrinsics(tuple(camera.matrix.ravel().tolist())) for camera in rig]
+        lenses = [declare(self, default, f"{name}.") for name, default in zip(SIDES, defaults, strict=True)]
         self.calibrations = [
             Calibration(
                 camera.width,
                 camera.height,
-                np.reshape(parameter(self, f"{name}.matrix", camera.matrix.ravel().tolist()), (3, 3)),
-                np.array(parameter(self, f"{name}.distortion", [float(d) for d in np.zeros(5)])),
+                np.reshape(intrinsics.matrix, (3, 3)),
+                np.array(intrinsics.distortion),
             )
-            for name, camera in zip(SIDES, high_speed_pair(), strict=True)
+            for camera, intrinsics in zip(rig, lenses, strict=True)
         ]
         if self.source.kind == "bag":
             for side, calibration in calibrations(Path(self.source.path)).items():
                 self.calibrations[side] = calibration
         self.status = Status(self)
-        self.infos = [self.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in SIDES]
-        self.images = [self.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in SIDES]
+        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]
+        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in SIDES]
         answer_clock_pings(self)
         with closing(self.shots()) as source:
             first = next(source)  # what cannot be read ends the node here

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -12,12 +13,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.constants import RPM
 from tt_core.errors import BadShape, TtError
+from tt_core.params import check, param
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
-from tt_core.ros.params import declare, declare_physics, parameter
+from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
@@ -33,8 +35,38 @@ LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high sp
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
 
 
+@dataclass(frozen=True)
+class EstimateParams:
+    """How the ball is measured."""
+
+    fast: bool = param(False, "", "measure in less time, with larger errors of the spin")
+
+
+@dataclass(frozen=True)
+class CameraPose:
+    """Where a camera stands: p_camera = rotation p_table + translation (2.3)."""
+
+    rotation: tuple[float, ...] = param((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation from `table` to the camera, by rows")
+    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera")
+
+
+@dataclass(frozen=True)
+class LampParams:
+    """Calibrated lamps."""
+
+    positions: tuple[float, ...] = param((), "m", "x, y, z of each lamp in `table`, one after the other")
+    strengths: tuple[float, ...] = param((), "", "brightness that each lamp gives a white surface 1 m away; empty without calibrated lamps")
+    ambient: float = param(0.0, "", "brightness of a white surface in the light of the room", low=0.0, high=1e6)
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range, and lamps without three coordinates each."""
+        check(self)
+        if len(self.positions) != 3 * len(self.strengths):
+            raise BadShape("lamps.positions", (len(self.positions),), (3 * len(self.strengths),))
+
+
 class EstimateNode(Node):
-    """/camera/{left,right}/image_raw and camera_info -> /ball/measured.
+    """camera/{left,right}/image_raw and camera_info -> /ball/measured.
 
     One ball for each flight, and with `refined` a second one from more frames. `fast` spends less on the spin. The air of `physics` bends
     the flight between the frames. The poses of the cameras are the parameters {left,right}.rotation (9 numbers, by rows) and
@@ -44,7 +76,7 @@ class EstimateNode(Node):
     def __init__(self) -> None:
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
-        self.search = SearchParams.fast() if parameter(self, "fast", False) else SearchParams()
+        self.search = SearchParams.fast() if declare(self, EstimateParams).fast else SearchParams()
         self.air = declare_physics(self).air
         self.lamps = self._lamps()
         rig = high_speed_pair()
@@ -54,13 +86,13 @@ class EstimateNode(Node):
         self.measured, self.refused = 0, 0
         warm(rig)
         self.status = Status(self)
-        self.balls = self.create_publisher(Odometry, "/ball/measured", RELIABLE)
+        self.balls = self.create_publisher(Odometry, "ball/measured", RELIABLE)
         answer_clock_pings(self)
         self.bad_infos = [Refusals(self.status, f"camera_info of {name}") for name in SIDES]
         self.bad_images = [Refusals(self.status, f"image of {name}") for name in SIDES]
         inputs = list[Input]()
         for side, name in enumerate(SIDES):
-            info, image = f"/camera/{name}/camera_info", f"/camera/{name}/image_raw"
+            info, image = f"camera/{name}/camera_info", f"camera/{name}/image_raw"
             on_info, on_image = partial(self.on_info, side), partial(self.on_image, side)
             inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side]))
             inputs.append(Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side]))
@@ -68,21 +100,16 @@ class EstimateNode(Node):
         self.status.wait_for(inputs if not alone else inputs[2 * SIDES.index(alone) :][:2])
 
     def _pose(self, name: str, camera: Camera) -> Camera:
-        rotation = parameter(self, f"{name}.rotation", camera.rotation.ravel().tolist())
-        translation = parameter(self, f"{name}.translation", camera.translation.tolist())
-        if len(rotation) != 9 or len(translation) != 3:
-            raise TtError(f"parameters {name}.rotation and {name}.translation need 9 and 3 numbers, got {rotation} and {translation}")
-        return dataclasses.replace(camera, rotation=np.reshape(rotation, (3, 3)), translation=translation)
+        """Return the camera at the pose that the parameters {name}.rotation and {name}.translation give."""
+        pose = declare(self, CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
+        return dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation))
 
     def _lamps(self) -> Lamps | None:
-        """Calibrated lamps: lamps.positions (3 numbers each, m in `table`), .strengths, .ambient; none by default."""
-        positions, strengths = parameter(self, "lamps.positions", [0.0]), parameter(self, "lamps.strengths", [0.0])
-        ambient = parameter(self, "lamps.ambient", 0.0)
-        if strengths == [0.0]:
+        """Return the calibrated lamps, or None without any."""
+        lamps = declare(self, LampParams, "lamps.")
+        if not any(lamps.strengths):
             return None
-        if len(positions) != 3 * len(strengths):
-            raise TtError(f"parameters lamps.positions and lamps.strengths hold {len(positions)} and {len(strengths)} numbers, not 3 to 1")
-        return Lamps(np.reshape(positions, (-1, 3)), np.array(strengths), ambient)
+        return Lamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
         message.header = CameraInfo().header  # drivers send the same calibration with each image

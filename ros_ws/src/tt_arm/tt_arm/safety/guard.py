@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import check_range
 from tt_core.failures import Failure
+from tt_core.params import check, param
 from tt_core.states import Array
 
 from ..joints import Joints
@@ -27,21 +27,21 @@ LEAST_SIGHTINGS = 3  # joint states in a row that must show a damage
 class GuardParams:
     """What the guard lets through."""
 
-    acceleration: float = 40.0  # rad/s^2, steepest change of a command that follows a swing; twice what a swing uses
-    margin: float = 0.01  # rad, kept from the position limits
-    tolerance: float = 0.02  # rad, a joint measured further than this beyond its limit means damage
-    overspeed: float = 1.2  # times its speed limit, and a joint measured faster than this too
-    persistence: float = 0.010  # s, for which damage must be measured before it latches
-    clearance: float = 0.005  # m, kept from table, floor and arm; less than swings keep
-    stale_plan: float = 5.0  # s, after which a plan no longer moves the arm; a swing and its way back take 2
+    acceleration: float = param(
+        40.0, "rad/s^2", "steepest change of a command that follows a swing; twice what a swing uses", low=0.1, high=1000.0
+    )
+    margin: float = param(0.01, "rad", "kept from the position limits", low=0.0, high=0.5)
+    tolerance: float = param(0.02, "rad", "a joint measured further than this beyond its limit means damage", low=0.0, high=0.5)
+    overspeed: float = param(1.2, "", "times its speed limit, and a joint measured faster than this too", low=1.0, high=100.0)
+    persistence: float = param(0.010, "s", "for which damage must be measured before it latches", low=0.0, high=1.0)
+    clearance: float = param(0.005, "m", "kept from table, floor and arm; less than swings keep", low=0.0, high=0.5)
+    stale_plan: float = param(
+        5.0, "s", "after which a plan no longer moves the arm; a swing and its way back take 2", low=0.01, high=1000.0
+    )
 
     def __post_init__(self) -> None:
-        check_range("acceleration", self.acceleration, 0.1, 1000.0)
-        for name in ("margin", "tolerance", "clearance"):
-            check_range(name, getattr(self, name), 0.0, 0.5)
-        check_range("overspeed", self.overspeed, 1.0, 100.0)
-        check_range("persistence", self.persistence, 0.0, 1.0)
-        check_range("stale_plan", self.stale_plan, 1e-2, 1000.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 class Guard:

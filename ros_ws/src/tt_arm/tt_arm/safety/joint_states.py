@@ -11,8 +11,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import check_range
 from tt_core.failures import Failure
+from tt_core.params import check, param
 from tt_core.states import Array
 
 from ..joints import Joints
@@ -30,20 +30,18 @@ WINDOW = 15  # joint states whose median distance is their period
 class JointStateParams:
     """When joint states are used."""
 
-    silence: float = 0.020  # s without a valid joint state after which the arm brakes; the node looks each 2.5 ms
-    periods: float = 3.0  # of the joint states, which the same may last where they are slower
-    late: float = 0.1  # s, that a joint state may be old when it comes; a busy machine delays some by 50 ms
-    ahead: float = 0.005  # s, that its stamp may be ahead of the clock
-    overspeed: float = 1.2  # times a speed limit, for what two positions may differ by
-    difference: float = 0.010  # s, over which positions are differentiated where a driver sends no speeds
+    silence: float = param(
+        0.020, "s", "without a valid joint state after which the arm brakes; the node looks each 2.5 ms", low=0.001, high=10.0
+    )
+    periods: float = param(3.0, "", "of the joint states, which the same may last where they are slower", low=1.0, high=100.0)
+    late: float = param(0.1, "s", "that a joint state may be old when it comes; a busy machine delays some by 50 ms", low=0.001, high=10.0)
+    ahead: float = param(0.005, "s", "that its stamp may be ahead of the clock", low=0.0001, high=10.0)
+    overspeed: float = param(1.2, "", "times a speed limit, for what two positions may differ by", low=1.0, high=100.0)
+    difference: float = param(0.010, "s", "over which positions are differentiated where a driver sends no speeds", low=0.001, high=1.0)
 
     def __post_init__(self) -> None:
-        check_range("silence", self.silence, 1e-3, 10.0)
-        check_range("periods", self.periods, 1.0, 100.0)
-        check_range("late", self.late, 1e-3, 10.0)
-        check_range("ahead", self.ahead, 1e-4, 10.0)
-        check_range("overspeed", self.overspeed, 1.0, 100.0)
-        check_range("difference", self.difference, 1e-3, 1.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 class JointStateCheck:

@@ -110,6 +110,25 @@ class Bag:
             if isinstance(reader, rosbag2.Reader):
                 self.custom |= reader.storage.metadata.custom or {}
 
+    def find(self, name: str) -> str | None:
+        """Return the full name of a topic, in whatever namespace it was recorded.
+
+        Args:
+            name: Relative, e.g. "ball/path", which "/ball/path" and "/robot1/ball/path" end with.
+
+        Returns:
+            The topic, that without a namespace if there is one, or None.
+
+        Raises:
+            BagError: Several namespaces have it.
+        """
+        found = sorted({topic.name for topic in self.topics if topic.name.endswith(f"/{name}")})
+        if f"/{name}" in found or not found:
+            return f"/{name}" if found else None
+        if len(found) > 1:
+            raise BagError(f"{self.path} holds several robots: {', '.join(found)}")
+        return found[0]
+
     def messages(self, topics: Collection[str] = ()) -> Iterator[Message]:
         """Read messages in the order of time.
 

@@ -1,55 +1,150 @@
-"""ROS parameters from a dataclass, declared once for every node."""
+"""ROS parameters from dataclasses: declared once for every node, with description and range, read-only unless they act at run time."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar, overload
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
+from ..constants import BALL_RADIUS
 from ..errors import TtError
+from ..params import check_value, param
 from ..physics import Physics
 
 T = TypeVar("T")
 
 
-def parameter(node: Node, name: str, default: Any) -> Any:
-    """Declare one parameter and return its value in the type of `default`; a list takes numbers. Raises TtError for another type."""
-    value = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
+@overload
+def declare(node: Node, kind: type[T], prefix: str = "", changed: Callable[[T], None] | None = None) -> T: ...
+@overload
+def declare(node: Node, kind: T, prefix: str = "", changed: Callable[[T], None] | None = None) -> T: ...
+def declare(node: Node, kind: Any, prefix: str = "", changed: Callable[[Any], None] | None = None) -> Any:
+    """Declare every field of a dataclass and return an instance of the values set.
+
+    Args:
+        node: The node that has the parameters.
+        kind: A dataclass of `tt_core.params.param` fields, or an instance of one, which has the defaults.
+        prefix: Before each name, e.g. "swing.".
+        changed: Called with a new instance when parameters that are marked dynamic have been set. Without it all are read-only.
+
+    Raises:
+        TtError: A value has the wrong type or is outside its range; the message names parameter, value and range.
+    """
+    default = kind() if isinstance(kind, type) else kind
+    values, dynamic = {}, set[str]()
+    for f in fields(default):
+        settable = changed is not None and f.metadata["dynamic"]
+        values[f.name] = _declare(node, prefix + f.name, getattr(default, f.name), f.default, f.metadata, read_only=not settable)
+        if settable:
+            dynamic.add(f.name)
+    params = type(default)(**values)
+    if changed is not None:
+        _Follower(node, prefix, params, frozenset(dynamic), changed)
+    return params
+
+
+def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping[str, Any], *, read_only: bool) -> Any:
+    """Declare one parameter; `value` is used where none is set, or where a NaN is."""
+    # the first declaration takes whatever type was given, so that 1 can stand for 1.0 and an error can be ours
+    probe = ParameterDescriptor(dynamic_typing=True)
+    given = node.declare_parameter(name, list(value) if isinstance(value, tuple) else value, probe).value
+    node.undeclare_parameter(name)
+    if given is None and isinstance(value, tuple):  # so comes an empty list
+        given = ()
+    used = value if isinstance(given, float) and math.isnan(given) else _coerce(name, given, value)
+    check_value(name, used, standard, metadata)
+    listed = list(used) if isinstance(used, tuple) else used
+    descriptor = describe(metadata, value, read_only=read_only)
+    descriptor.dynamic_typing = listed == []  # an empty list has no type
+    node.declare_parameter(name, listed, descriptor, ignore_override=True)
+    return used
+
+
+def _coerce(name: str, value: Any, default: Any) -> Any:
+    """Return `value` in the type of `default`; integers stand for floats, lists for tuples. Raises TtError."""
     kind = type(default)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
-    if kind in (list, tuple) and hasattr(value, "__len__") and not isinstance(value, (str, bytes)):
-        return kind(type(default[0])(v) for v in value) if default else kind(value)
+    if kind is tuple and hasattr(value, "__len__") and not isinstance(value, (str, bytes)):
+        return tuple(_coerce(f"{name}[{i}]", v, default[0]) if default else v for i, v in enumerate(value))
     if not isinstance(value, kind):
         raise TtError(f"parameter {name} = {value!r} is not of type {kind.__name__}")
     return value
 
 
-@overload
-def declare(node: Node, kind: type[T], prefix: str = "") -> T: ...
-@overload
-def declare(node: Node, kind: T, prefix: str = "") -> T: ...
-def declare(node: Node, kind: Any, prefix: str = "") -> Any:
-    """Declare every field of a dataclass, with the defaults of `kind` (a class or an instance), and return an instance of the values set.
+def describe(metadata: Mapping[str, Any], default: Any, *, read_only: bool) -> ParameterDescriptor:
+    """Return what `ros2 param describe` tells.
 
-    The dataclass's own checks apply.
+    Args:
+        metadata: Of a field made by `tt_core.params.param`.
+        default: Its default, for the type of the range.
+        read_only: Whether setting it fails; so it is for what is only read at the start.
     """
-    default = kind() if isinstance(kind, type) else kind
-    values = {f.name: parameter(node, prefix + f.name, getattr(default, f.name)) for f in fields(default)}
-    return type(default)(**values)
+    unit, low, high, choices = (metadata[key] for key in ("unit", "low", "high", "choices"))
+    descriptor = ParameterDescriptor(description=metadata["meaning"] + (f" ({unit})" if unit else ""), read_only=read_only)
+    bounded = math.isfinite(low) and math.isfinite(high)
+    if choices:
+        descriptor.additional_constraints = f"one of {', '.join(map(repr, choices))}"
+    elif bounded and isinstance(default, float):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+    elif bounded and isinstance(default, int) and not isinstance(default, bool):
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    elif math.isfinite(low) or math.isfinite(high):
+        descriptor.additional_constraints = f"within [{low:g}, {high:g}]" + (", each element" if isinstance(default, tuple) else "")
+    return descriptor
+
+
+class _Follower:
+    """Keeps the instance that goes with the parameters of one prefix, and tells when it has changed."""
+
+    def __init__(self, node: Node, prefix: str, params: Any, dynamic: frozenset[str], changed: Callable[[Any], None]) -> None:
+        self._prefix, self._params, self._dynamic, self._changed = prefix, params, dynamic, changed
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def _updated(self, parameters: list[Parameter]) -> Any:
+        names = {p.name: p.name.removeprefix(self._prefix) for p in parameters if p.name.startswith(self._prefix)}
+        new = {names[p.name]: p.value for p in parameters if names.get(p.name) in self._dynamic}
+        values = {name: tuple(value) if isinstance(getattr(self._params, name), tuple) else value for name, value in new.items()}
+        return replace(self._params, **values) if values else None
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._updated(parameters)
+        except (TtError, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: list[Parameter]) -> None:
+        params = self._updated(parameters)
+        if params is not None:
+            self._params = params
+            self._changed(params)
+
+
+@dataclass(frozen=True)
+class PhysicsParams:
+    """Which models of ball, table and rubber are used."""
+
+    physics: str = param("liu", "", "models of flight and rebounds: of the dissertation, or of real balls", choices=("liu", "measured"))
+    contact_height: float = param(BALL_RADIUS, "m", "from a surface to the centre of a ball that touches it", low=0.0, high=0.1)
 
 
 def declare_physics(node: Node, prefix: str = "") -> Physics:
-    """`physics` names the models, "liu" or "measured"; air.*, table.* and racket.* override single coefficients."""
-    name = parameter(node, prefix + "physics", "liu")
-    if name not in ("liu", "measured"):
-        raise TtError(f"parameter {prefix}physics = {name!r} is none of 'liu', 'measured'")
-    default = Physics.liu() if name == "liu" else Physics.measured()
+    """Declare `physics`, the name of a model, and its coefficients air.*, table.*, racket.* and contact_height; return the model.
+
+    A coefficient that is set replaces that of the model; NaN stands for that of the model.
+    """
+    params = declare(node, PhysicsParams, prefix)
+    default = Physics.liu() if params.physics == "liu" else Physics.measured()
     return Physics(
         declare(node, default.air, prefix + "air."),
         declare(node, default.table, prefix + "table."),
         declare(node, default.racket, prefix + "racket."),
-        parameter(node, prefix + "contact_height", default.contact_height),
+        params.contact_height,
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import check_range
+from tt_core.params import check, param
 
 from ..render import Image
 from .camera_sequence import Frame
@@ -16,20 +16,16 @@ from .camera_sequence import Frame
 class CameraFaults:
     """All zero is the perfect camera. latency and clock_offset do not change what is measured, only when."""
 
-    latency: float = 0.0  # s, mean, from the exposure to the estimator
-    jitter: float = 0.0  # s, standard deviation of a stamp
-    clock_offset: float = 0.0  # s, by which the cameras' clock is ahead of the arm's
-    apart: float = 0.0  # s, by which the right camera's stamps are ahead of the left one's
-    dropped: float = 0.0  # share of images that never come
-    duplicated: float = 0.0  # share of images that come twice
+    latency: float = param(0.0, "s", "mean, from the exposure to the estimator", low=0.0, high=1.0)
+    jitter: float = param(0.0, "s", "standard deviation of a stamp", low=0.0, high=0.01)
+    clock_offset: float = param(0.0, "s", "by which the cameras' clock is ahead of the arm's", low=-1.0, high=1.0)
+    apart: float = param(0.0, "s", "by which the right camera's stamps are ahead of the left one's", low=-0.01, high=0.01)
+    dropped: float = param(0.0, "", "share of images that never come", low=0.0, high=1.0)
+    duplicated: float = param(0.0, "", "share of images that come twice", low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
-        check_range("latency", self.latency, 0.0, 1.0)
-        check_range("jitter", self.jitter, 0.0, 0.01)
-        check_range("clock_offset", self.clock_offset, -1.0, 1.0)
-        check_range("apart", self.apart, -0.01, 0.01)
-        check_range("dropped", self.dropped, 0.0, 1.0)
-        check_range("duplicated", self.duplicated, 0.0, 1.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 def arrivals(frames: Iterable[Frame], faults: CameraFaults, rng: np.random.Generator) -> Iterator[tuple[int, float, Image]]:

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 from scipy.spatial.transform import Rotation
-from tt_core.errors import check_range
 from tt_core.flight import fly
+from tt_core.params import check, param
 from tt_core.states import Array
 from tt_vision.camera import Camera, project_from_table
 from tt_vision.rig import WIDE_RATE, wide_pair
@@ -29,18 +29,17 @@ class TrackingCameraFaults:
     cut at 0.3 of its brightness (tests/sim/test_wide.py: 0.09 pixels); 2 ms of motion blur do not shift it.
     """
 
-    noise: float = 0.1  # pixels, standard deviation of a centre, each way
-    step: float = 0.0625  # pixels, in which a centre is told: an assumption; 0: none
-    turned: float = 0.0  # rad, standard deviation of how far each stands from where it was calibrated, about each axis
-    dropped: float = 0.0  # share of centres that never come
-    latency: float = 0.0  # s, from the middle of the exposure to the message, of the node
+    noise: float = param(0.1, "pixels", "standard deviation of a centre, each way", low=0.0, high=10.0)
+    step: float = param(0.0625, "pixels", "in which a centre is told: an assumption; 0: none", low=0.0, high=10.0)
+    turned: float = param(
+        0.0, "rad", "standard deviation of how far each stands from where it was calibrated, about each axis", low=0.0, high=0.1
+    )
+    dropped: float = param(0.0, "", "share of centres that never come", low=0.0, high=1.0)
+    latency: float = param(0.0, "s", "from the middle of the exposure to the message, of the node", low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
-        check_range("noise", self.noise, 0.0, 10.0)
-        check_range("step", self.step, 0.0, 10.0)
-        check_range("turned", self.turned, 0.0, 0.1)
-        check_range("dropped", self.dropped, 0.0, 1.0)
-        check_range("latency", self.latency, 0.0, 1.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 @functools.cache

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from tt_core.errors import check_array, check_range
+from tt_core.params import check, param
 from tt_core.states import Array
 
 LARGEST = 100.0  # rad/s, beyond which a command is no velocity of a joint; 16 times the fastest limit
@@ -16,12 +17,12 @@ LARGEST = 100.0  # rad/s, beyond which a command is no velocity of a joint; 16 t
 class DriveParams:
     """What the drives do without a command."""
 
-    command_timeout: float = 0.1  # s, for which a command holds, as in the drives of real arms
-    braking: float = 20.0  # rad/s^2, at which each joint brakes; what the arm's guard counts on
+    command_timeout: float = param(0.1, "s", "for which a command holds, as in the drives of real arms", low=0.001, high=10.0)
+    braking: float = param(20.0, "rad/s^2", "at which each joint brakes; what the arm's guard counts on", low=0.1, high=1000.0)
 
     def __post_init__(self) -> None:
-        check_range("command_timeout", self.command_timeout, 1e-3, 10.0)
-        check_range("braking", self.braking, 0.1, 1000.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 class Drive:

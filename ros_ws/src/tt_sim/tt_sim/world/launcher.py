@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from tt_core.errors import TtError, check_range
 from tt_core.events import next_contact
+from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
@@ -52,23 +53,22 @@ _AXES = {"top": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (0.0, 0.0, -1
 class LauncherParams:
     """Where the machine stands and how much it scatters besides its tables."""
 
-    x: float = 2.62  # m, exit of the head
-    y: float = 0.7625  # m
-    z: float = 0.34  # m, high enough for back spin at scale 5 to clear the net
-    side_yaw: float = 0.05  # rad, the head is turned against half of the drift of side spin; at 0.03 and 0.07 the arm has no time for some
-    axis_scatter: float = 0.05  # rad, of the spin's axis; Tables 2.1 to 2.3 show about 0.1
-    yaw_scatter: float = 0.01  # rad
-    place_scatter: float = 0.002  # m
-    rate: float = 0.0  # balls a minute; 0: one by one, when asked
+    x: float = param(2.62, "m", "exit of the head", low=1.5, high=5.0)
+    y: float = param(0.7625, "m", "", low=0.0, high=1.525)
+    z: float = param(0.34, "m", "high enough for back spin at scale 5 to clear the net", low=0.05, high=1.5)
+    side_yaw: float = param(
+        0.05, "rad", "the head is turned against half of the drift of side spin; at 0.03 and 0.07 the arm has no time for some"
+    )
+    axis_scatter: float = param(0.05, "rad", "of the spin's axis; Tables 2.1 to 2.3 show about 0.1", low=0.0, high=0.5)
+    yaw_scatter: float = param(0.01, "rad", "", low=0.0, high=0.5)
+    place_scatter: float = param(0.002, "m", "", low=0.0, high=0.5)
+    rate: float = param(0.0, "1/min", "balls launched in a minute, 26 to 94; 0: on request only", low=0.0, high=RATES[1], dynamic=True)
 
     def __post_init__(self) -> None:
-        check_range("x", self.x, 1.5, 5.0)
-        check_range("y", self.y, 0.0, 1.525)
-        check_range("z", self.z, 0.05, 1.5)
-        for name in ("axis_scatter", "yaw_scatter", "place_scatter"):
-            check_range(name, getattr(self, name), 0.0, 0.5)
+        """Refuse values outside their range."""
         if self.rate:
             check_range("rate", self.rate, *RATES)
+        check(self)
 
 
 Row = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]

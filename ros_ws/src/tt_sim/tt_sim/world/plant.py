@@ -18,6 +18,7 @@ from tt_arm.joints import Joints
 from tt_arm.kinematics import forward
 from tt_arm.model import ArmModel
 from tt_core.errors import check_array, check_range
+from tt_core.params import check, param
 from tt_core.states import Array
 
 from .true_ball import RacketMotion
@@ -27,22 +28,17 @@ from .true_ball import RacketMotion
 class PlantParams:
     """How the simulated arm differs from the perfect one."""
 
-    time_constant: float = 0.005  # s, lag of the joint velocity loops, an assumption
-    acceleration: float = 40.0  # rad/s^2, an assumption: twice what a swing asks for
-    speed_share: float = 1.0  # of the speed limits that the drives reach
-    torque_share: float = 0.0  # of the rated torque that the motors have; 0: as much as it takes
-    q_noise: float = 0.0  # rad, standard deviation of a measured position
-    qdot_noise: float = 0.0  # rad/s, standard deviation of a measured speed
-    q_step: float = 0.0  # rad, of the encoders; 0: none
+    time_constant: float = param(0.005, "s", "lag of the joint velocity loops, an assumption", low=0.0001, high=1.0)
+    acceleration: float = param(40.0, "rad/s^2", "an assumption: twice what a swing asks for", low=0.1, high=10000.0)
+    speed_share: float = param(1.0, "", "of the speed limits that the drives reach", low=0.01, high=1.0)
+    torque_share: float = param(0.0, "", "of the rated torque that the motors have; 0: as much as it takes", low=0.0, high=100.0)
+    q_noise: float = param(0.0, "rad", "standard deviation of a measured position", low=0.0, high=1.0)
+    qdot_noise: float = param(0.0, "rad/s", "standard deviation of a measured speed", low=0.0, high=10.0)
+    q_step: float = param(0.0, "rad", "of the encoders; 0: none", low=0.0, high=0.1)
 
     def __post_init__(self) -> None:
-        check_range("time_constant", self.time_constant, 1e-4, 1.0)
-        check_range("acceleration", self.acceleration, 0.1, 1e4)
-        check_range("speed_share", self.speed_share, 0.01, 1.0)
-        check_range("torque_share", self.torque_share, 0.0, 100.0)
-        check_range("q_step", self.q_step, 0.0, 0.1)
-        check_range("q_noise", self.q_noise, 0.0, 1.0)
-        check_range("qdot_noise", self.qdot_noise, 0.0, 10.0)
+        """Refuse values outside their range."""
+        check(self)
 
 
 @njit(cache=True)

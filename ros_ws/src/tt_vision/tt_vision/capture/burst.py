@@ -6,7 +6,8 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from tt_core.errors import BadShape, TtError, check_range
+from tt_core.errors import BadShape, check_range
+from tt_core.params import check, param
 from tt_core.states import Array
 
 from ..detection.ball_detection import Image, Spot, find_ball
@@ -23,22 +24,18 @@ MOST_BYTES = 2**27  # of images of a side that wait
 class BurstParams:
     """How a burst is put together."""
 
-    frames: int = 6  # pairs that make a burst; the dissertation uses 6
-    refined: int = 0  # pairs that make a second burst of the same ball, the first ones among them; 0: none
-    alone: str = ""  # "left" or "right": that camera's images alone make the bursts
-    clock_offset: float = 0.0  # s, by which the right camera's clock is behind the left one's
-    gap: float = 0.05  # s without a ball after which the next one is new
-    pairing: float = 2e-4  # s between the stamps of two images taken together; frames are 1.1e-3 s apart
+    frames: int = param(6, "", "pairs that make a burst; the dissertation uses 6", low=LEAST_FRAMES, high=MOST_FRAMES)
+    refined: int = param(0, "", "pairs that make a second burst of the same ball, the first ones among them; 0: none")
+    alone: str = param("", "", "side of the only camera that makes the bursts; empty for both", choices=("", *SIDES))
+    clock_offset: float = param(0.0, "s", "by which the right camera's clock is behind the left one's", low=-10.0, high=10.0)
+    gap: float = param(0.05, "s", "without a ball after which the next one is new", low=0.001, high=10.0)
+    pairing: float = param(2e-4, "s", "between the stamps of two images taken together; frames are 1.1e-3 s apart", low=0.0, high=0.1)
 
     def __post_init__(self) -> None:
-        check_range("frames", self.frames, LEAST_FRAMES, MOST_FRAMES)
+        """Refuse values outside their range."""
+        check(self)
         if self.refined:
             check_range("refined", self.refined, self.frames + 1, MOST_FRAMES)
-        if self.alone not in ("", *SIDES):
-            raise TtError(f"alone = {self.alone!r} is none of '', 'left', 'right'")
-        check_range("clock_offset", self.clock_offset, -10.0, 10.0)
-        check_range("gap", self.gap, 1e-3, 10.0)
-        check_range("pairing", self.pairing, 0.0, 0.1)
 
 
 @dataclass(frozen=True, eq=False)

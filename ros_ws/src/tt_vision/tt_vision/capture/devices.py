@@ -10,7 +10,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
 
 
 class DeviceError(TtError):
@@ -21,17 +22,18 @@ class DeviceError(TtError):
 class DeviceParams:
     """Of both cameras. OpenCV counts exposures of some drivers in powers of two seconds: exposure_log2."""
 
-    exposure: float = 0.0  # s; 0 leaves it as the driver has it
-    exposure_log2: bool = False  # the driver wants log2 of the exposure (DirectShow), not units of 100 us (V4L2)
-    trigger: bool = False  # frames wait for the trigger input
-    region: tuple[int, int, int, int] = (0, 0, 0, 0)  # pixels: left, top, width, height of what is published; all 0: the whole image
-    retry: float = 1.0  # s between attempts to open a lost device again
-    patience: float = 60.0  # s without images after which it is given up
+    exposure: float = param(0.0, "s", "; 0 leaves it as the driver has it", low=0.0, high=1.0)
+    exposure_log2: bool = param(False, "", "the driver wants log2 of the exposure (DirectShow), not units of 100 us (V4L2)")
+    trigger: bool = param(False, "", "frames wait for the trigger input")
+    region: tuple[int, int, int, int] = param(
+        (0, 0, 0, 0), "pixels", ": left, top, width, height of what is published; all 0: the whole image"
+    )
+    retry: float = param(1.0, "s", "between attempts to open a lost device again", low=0.0, high=60.0)
+    patience: float = param(60.0, "s", "without images after which it is given up", low=0.0)
 
     def __post_init__(self) -> None:
-        check_range("exposure", self.exposure, 0.0, 1.0)
-        check_range("retry", self.retry, 0.0, 60.0)
-        check_range("patience", self.patience, 0.0, math.inf)
+        """Refuse values outside their range."""
+        check(self)
         if len(self.region) != 4 or min(self.region) < 0 or (any(self.region) and min(self.region[2:]) < 8):
             raise DeviceError(f"region = {list(self.region)} is not left, top, width, height with at least 8 x 8 pixels, or all 0")
 

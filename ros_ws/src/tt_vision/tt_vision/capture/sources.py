@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError
+from tt_core.params import check, param
 from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message
 
@@ -47,17 +48,18 @@ class Calibration(NamedTuple):
 
 @dataclass(frozen=True)
 class SourceParams:
-    """kind: one of KINDS. path: of the folder, the bag, the left video; or the number of the left device. right: of the right one."""
+    """Where images come from."""
 
-    kind: str = "folder"
-    path: str = ""
-    right: str = ""
-    frame_rate: float = 900.0  # 1/s, of videos, and of devices to count the frames that they drop
+    kind: str = param("folder", "", "what `path` is: a folder of images, videos, devices or a bag", choices=KINDS)
+    path: str = param("", "", "folder, bag or left video, or number of the left device")
+    right: str = param("", "", "right video, or number of the right device")
+    frame_rate: float = param(
+        900.0, "1/s", "frame rate of videos, and of devices, to count the frames that they drop", low=0.1, high=100000.0
+    )
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise SourceError(f"kind = {self.kind!r} is none of {', '.join(KINDS)}")
-        check_range("frame_rate", self.frame_rate, 0.1, 1e5)
+        """Refuse values outside their range."""
+        check(self)
 
 
 def shots(
@@ -146,15 +148,14 @@ def from_bag(path: Path) -> Generator[Shot, None, None]:
     """
     from tt_core.ros.convert import image_from_message, seconds  # here, because no other source needs ROS
 
-    topics = [f"/camera/{side}/image_raw" for side in SIDES]
     count = 0
-    for topic, message in _messages(path, topics):
+    for side, message in _messages(path, "image_raw"):
         image = image_from_message(message)
         native = image.astype(image.dtype.newbyteorder("="), copy=False)
-        yield Shot(topics.index(topic), seconds(message.header.stamp), native)
+        yield Shot(side, seconds(message.header.stamp), native)
         count += 1
     if not count:
-        raise SourceError(f"no images on {' and '.join(topics)} in {path}")
+        raise SourceError(f"no images on {' and '.join(f'camera/{side}/image_raw' for side in SIDES)} in {path}")
 
 
 def calibrations(path: Path) -> dict[int, Calibration]:
@@ -163,14 +164,15 @@ def calibrations(path: Path) -> dict[int, Calibration]:
     Raises:
         TtError: a lens model that is not known, or a bag that cannot be read.
     """
-    topics = [f"/camera/{side}/camera_info" for side in SIDES]
-    return {topics.index(topic): Calibration(*camera_from_message(m)) for topic, m in _messages(path, topics) if m.k[0] != 0.0}
+    return {side: Calibration(*camera_from_message(m)) for side, m in _messages(path, "camera_info") if m.k[0] != 0.0}
 
 
-def _messages(path: Path, topics: Sequence[str]) -> Iterator[tuple[str, Any]]:
+def _messages(path: Path, kind: str) -> Iterator[tuple[int, Any]]:
+    """Yield the index in SIDES and the message for each message on camera/{left,right}/{kind}."""
     with Bag(path) as bag:
-        for message in bag.messages(topics):
-            yield message.topic, bag.decode(message)
+        sides = {bag.find(f"camera/{name}/{kind}"): side for side, name in enumerate(SIDES)}
+        for message in bag.messages([topic for topic in sides if topic] or ["none"]):
+            yield sides[message.topic], bag.decode(message)
 
 
 def _grey(image: np.ndarray) -> Image:

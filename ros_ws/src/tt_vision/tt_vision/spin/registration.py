@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 from tt_core.constants import BALL_RADIUS
-from tt_core.errors import check_range
+from tt_core.params import check, param
 from tt_core.so3 import left_jacobian, rotation_matrix
 from tt_core.states import Array
 
@@ -38,11 +38,11 @@ GATE = 0.05  # residual above which a registration is not believed: right ones r
 class SearchParams:
     """How much is spent on the spin."""
 
-    pairs: int = 9  # of neighbouring frames, at most, on which the coarse search is scored
-    kept: int = 5  # candidates that are refined; the right one was first in each of 160 bursts at 9,000 rpm
-    coarse_points: int = 500  # on the sphere, in the refinement of the candidates
-    fine_points: int = 2500  # on the sphere, in the last refinement
-    second_look: bool = True  # at light and outline, once the marks are known: `look`
+    pairs: int = param(9, "", "of neighbouring frames, at most, on which the coarse search is scored", low=1, high=100)
+    kept: int = param(5, "", "candidates that are refined; the right one was first in each of 160 bursts at 9,000 rpm", low=1, high=100)
+    coarse_points: int = param(500, "", "on the sphere, in the refinement of the candidates", low=100, high=100000)
+    fine_points: int = param(2500, "", "on the sphere, in the last refinement", low=100, high=20000)
+    second_look: bool = param(True, "", "at light and outline, once the marks are known: `look`")
 
     @classmethod
     def fast(cls) -> SearchParams:
@@ -50,10 +50,8 @@ class SearchParams:
         return cls(pairs=3, kept=3, coarse_points=400, fine_points=800, second_look=False)
 
     def __post_init__(self) -> None:
-        check_range("pairs", self.pairs, 1, 100)
-        check_range("kept", self.kept, 1, 100)
-        check_range("coarse_points", self.coarse_points, 100, 100000)
-        check_range("fine_points", self.fine_points, 100, 20000)
+        """Refuse values outside their range."""
+        check(self)
 
 
 DEFAULT = SearchParams()

@@ -1,0 +1,166 @@
+"""Write the parameters of all nodes to the files that hold them: python -m tt_bringup.parameters CONFIG.yaml REFERENCE.md.
+
+Names, values, units, meanings and ranges are asked of the running nodes, so the files hold what `ros2 param describe` tells.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import tempfile
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import rclpy
+import yaml
+from domain_coordinator import domain_id
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.srv import DescribeParameters
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+from tt_core.errors import TtError
+from tt_core.ros.params import describe
+from tt_tools.packages import executable
+from tt_tools.play_node import PlayParams
+from tt_tools.record_node import RecordParams
+from tt_vision.capture.sources import SIDES
+
+NODES = {
+    "sim": ("tt_sim", "sim_node"),
+    "camera": ("tt_vision", "camera_node"),
+    "estimate": ("tt_vision", "estimate_node"),
+    "predict": ("tt_predict", "predict_node"),
+    "racket": ("tt_racket", "racket_node"),
+    "arm": ("tt_arm", "arm_node"),
+}
+MODELS = ("air.", "table.", "racket.", "plant.")  # NaN in the file: the value of the model or world that is named
+OF_MIDDLEWARE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+PATIENCE = 120.0  # s, for a node to answer: a cold start compiles kernels
+
+
+@dataclass(slots=True)
+class Declared:
+    """One parameter of one node: its value, and what the node tells about it."""
+
+    name: str
+    value: Any
+    descriptor: ParameterDescriptor
+
+
+def ask(node: Node, name: str) -> list[Declared]:
+    """Return all parameters of the node `name`, in the order of their names.
+
+    Raises:
+        TtError: The node does not answer within PATIENCE.
+    """
+
+    def result(future: Future) -> Any:
+        rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
+        if not future.done():
+            raise TtError(f"{name} does not answer within {PATIENCE:g} s")
+        return future.result()
+
+    client = AsyncParameterClient(node, name)
+    if not client.wait_for_services(PATIENCE):
+        raise TtError(f"{name} is not there within {PATIENCE:g} s")
+    listed = result(client.list_parameters()).result.names
+    names = sorted(n for n in listed if not n.startswith(OF_MIDDLEWARE))
+    values = result(client.get_parameters(names)).values
+    described: DescribeParameters.Response = result(client.describe_parameters(names))
+    return [
+        Declared(n, parameter_value_to_python(value), descriptor)
+        for n, value, descriptor in zip(names, values, described.descriptors, strict=True)
+    ]
+
+
+def as_yaml(nodes: dict[str, list[Declared]]) -> str:
+    """Return the parameter file, with meaning and unit of each parameter as a comment."""
+    lines = [
+        "# Every parameter of every node, as the launch files load it. Written by: python -m tt_bringup.parameters",
+        "# .nan stands for the value of the model that `physics` names, or of the world.",
+    ]
+    for node, parameters in nodes.items():
+        lines += [f"/**/{node}:", "  ros__parameters:"]
+        for one in parameters:
+            value = float("nan") if one.name.startswith(MODELS) else list(one.value) if hasattr(one.value, "tolist") else one.value
+            text = yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("\n...\n").strip()
+            lines.append(f"    {one.name}: {text}  # {one.descriptor.description}")
+    return "\n".join(lines) + "\n"
+
+
+def bounds(descriptor: ParameterDescriptor) -> str:
+    """Return the range or the choices of a parameter."""
+    for bound in (*descriptor.floating_point_range, *descriptor.integer_range):
+        return f"{bound.from_value:g} to {bound.to_value:g}"
+    return descriptor.additional_constraints
+
+
+def as_markdown(nodes: dict[str, list[Declared]]) -> str:
+    """Return the reference table."""
+    lines = [
+        "# Parameters",
+        "",
+        "Of all nodes, as `ros2 param describe` tells them. Written by `python -m tt_bringup.parameters`. Parameters that act at run time",
+        "are marked; the others are read at the start, and setting them later fails.",
+    ]
+    for node, parameters in nodes.items():
+        lines += ["", f"## {node}", "", "| parameter | default | meaning | range | at run time |", "|---|---|---|---|---|"]
+        for one in parameters:
+            value = list(one.value) if hasattr(one.value, "tolist") else one.value
+            acts = "" if one.descriptor.read_only else "yes"
+            lines.append(f"| `{one.name}` | `{value!r}` | {one.descriptor.description} | {bounds(one.descriptor)} | {acts} |")
+    return "\n".join(lines) + "\n"
+
+
+def of_class(kind: type) -> list[Declared]:
+    """Return the parameters of a dataclass, for nodes that answer no questions about theirs."""
+    return [
+        Declared(f.name, list(f.default) if isinstance(f.default, tuple) else f.default, describe(f.metadata, f.default, read_only=True))
+        for f in sorted(fields(kind), key=lambda f: f.name)
+    ]
+
+
+def collect() -> dict[str, list[Declared]]:
+    """Start all nodes with their defaults, ask them, and end them."""
+    with tempfile.TemporaryDirectory() as folder, domain_id() as domain:
+        for side in SIDES:  # the camera node ends without an image
+            cv2.imwrite(f"{folder}/{side}_0.000000.png", np.zeros((8, 8), np.uint8))
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        given = {"camera": ["--ros-args", "-p", f"path:={folder}"]}
+        started = [subprocess.Popen([executable(*place), *given.get(name, ())]) for name, place in NODES.items()]
+        rclpy.init()
+        node = rclpy.create_node("parameters")
+        try:
+            nodes = {name: ask(node, name) for name in NODES}
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown()
+            for process in started:
+                process.terminate()
+            for process in started:
+                process.wait()
+    for one in nodes["camera"]:
+        if one.name == "path":
+            one.value = ""
+    return nodes | {"record": of_class(RecordParams), "play": of_class(PlayParams)}
+
+
+def main() -> None:
+    """Write both files."""
+    parser = argparse.ArgumentParser(prog="parameters", description=__doc__)
+    parser.add_argument("config", type=Path, help="the parameter file, YAML")
+    parser.add_argument("reference", type=Path, help="the table of all parameters, Markdown")
+    args = parser.parse_args()
+    nodes = collect()
+    args.config.write_text(as_yaml(nodes))
+    args.reference.write_text(as_markdown(nodes))
+
+
+if __name__ == "__main__":
+    main()
