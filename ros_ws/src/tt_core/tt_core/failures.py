@@ -9,21 +9,31 @@ from typing import Any
 class Failure:
     """Why something is not done, or not as asked.
 
+    Code decides on `code` and on `values`, never on the sentence. The sentence is made only when somebody reads it.
+
     Attributes:
-        code: Member of an enumeration whose values are format strings, e.g. "joint state is {age:.3f} s old".
-        values: What the format string names.
+        code: Member of an enumeration whose values are format strings, e.g. TOO_OLD = "joint state is {age:.3f} s old".
+        values: The numbers and names that the format string needs, by name, in SI units.
     """
 
     __slots__ = ("code", "values")
 
     def __init__(self, code: Enum, **values: Any) -> None:
-        """Keep the code and its values; nothing is formatted before somebody reads it."""
+        """Keep the code and its values."""
         self.code, self.values = code, values
 
     def __str__(self) -> str:
-        """The sentence."""
+        """Return the sentence."""
         return str(self.code.value).format(**self.values)
 
     def __repr__(self) -> str:
-        """Code and values."""
+        """Return code and values."""
         return f"Failure({self.code}, {self.values})"
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether code and values are the same."""
+        return isinstance(other, Failure) and (self.code, self.values) == (other.code, other.values)
+
+    def __hash__(self) -> int:
+        """Hash the code; values may be of any type."""
+        return hash(self.code)

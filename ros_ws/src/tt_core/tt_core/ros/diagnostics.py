@@ -10,6 +10,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
+from ..failures import Failure
 from .convert import seconds
 from .inputs import Input
 from .qos import RELIABLE
@@ -25,7 +26,16 @@ class Status:
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
 
-    def tell(self, message: str, *, part: str = "", stamp: float | None = None, warn: bool = False, **values: object) -> None:
+    def tell(
+        self,
+        message: str,
+        *,
+        part: str = "",
+        stamp: float | None = None,
+        warn: bool = False,
+        reason: Failure | None = None,
+        **values: object,
+    ) -> None:
         """Publish one status.
 
         Args:
@@ -33,11 +43,14 @@ class Status:
             part: Of the node, that the status is about, if not about the whole.
             stamp: Time of the last frame that the result rests on, s; the status holds the latency since then.
             warn: Whether it is a warning.
+            reason: Why something was not done; the status holds its sentence as `reason`, its code as `code`, and its numbers by name.
             values: What else is told.
         """
         if stamp is not None:
             latency = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
             values = {"latency_ms": f"{1e3 * latency:.3f}", "stamp": f"{stamp:.9f}", **values}
+        if reason is not None:
+            values = {"reason": reason, "code": reason.code.name, **reason.values, **values}
         self._publish(part, message, warn, values)
 
     def wait_for(self, inputs: Sequence[Input]) -> None:
