@@ -58,10 +58,6 @@ def test_a_package_imports_the_vocabulary_and_no_sibling(path):
 def test_ros_is_known_to_nodes_only(path):
     programs = {"tt_bringup/tt_bringup/demo.py", "tt_bringup/tt_bringup/parameters.py"}
     is_ros = path.name.endswith("_node.py") or "tt_core/ros/" in relative(path) or relative(path) in programs
-        path.name.endswith("_node.py")
-        or "tt_core/ros/" in relative(path)
-        or relative(path).removeprefix("tt_bringup/tt_bringup/") in ("demo.py", "parameters.py")
-    )
     assert is_ros or not imports(path) & ROS
 
 
