@@ -19,14 +19,11 @@ import rclpy
 import yaml
 from domain_coordinator import domain_id
 from rcl_interfaces.msg import ParameterDescriptor
-from rcl_interfaces.srv import DescribeParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
-from rclpy.task import Future
-from tt_core.errors import TtError
 from tt_core.ros.params import describe
 from tt_tools.packages import executable
+from tt_tools.parameter_client import ParameterClient
 from tt_tools.play_node import PlayParams
 from tt_tools.record_node import RecordParams
 from tt_vision.capture.sources import SIDES
@@ -54,29 +51,11 @@ class Declared:
 
 
 def ask(node: Node, name: str) -> list[Declared]:
-    """Return all parameters of the node `name`, in the order of their names.
-
-    Raises:
-        TtError: The node does not answer within PATIENCE.
-    """
-
-    def result(future: Future) -> Any:
-        rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE)
-        if not future.done():
-            raise TtError(f"{name} does not answer within {PATIENCE:g} s")
-        return future.result()
-
-    client = AsyncParameterClient(node, name)
-    if not client.wait_for_services(PATIENCE):
-        raise TtError(f"{name} is not there within {PATIENCE:g} s")
-    listed = result(client.list_parameters()).result.names
-    names = sorted(n for n in listed if not n.startswith(OF_MIDDLEWARE))
-    values = result(client.get_parameters(names)).values
-    described: DescribeParameters.Response = result(client.describe_parameters(names))
-    return [
-        Declared(n, parameter_value_to_python(value), descriptor)
-        for n, value, descriptor in zip(names, values, described.descriptors, strict=True)
-    ]
+    """Return all parameters of the node `name`, in the order of their names. Raises TtError if it does not answer in time."""
+    client = ParameterClient(node, name, PATIENCE)
+    names = [n for n in client.names() if not n.startswith(OF_MIDDLEWARE)]
+    values = map(parameter_value_to_python, client.values(names))
+    return [Declared(*row) for row in zip(names, values, client.descriptors(names), strict=True)]
 
 
 def as_yaml(nodes: dict[str, list[Declared]]) -> str:

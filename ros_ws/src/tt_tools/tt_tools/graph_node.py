@@ -12,8 +12,6 @@ from typing import Any
 import rclpy
 import yaml
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from tt_core.errors import TtError
 from tt_core.ros.node_main import run
 
@@ -126,34 +124,5 @@ def call(service: str, kind: str, values: str) -> None:
         answer = client.call_async(request)
         rclpy.spin_until_future_complete(node, answer)
         print(yaml.safe_dump(plain(answer.result()), sort_keys=False), end="")
-    finally:
-        rclpy.try_shutdown()
-
-
-def set_parameter(node_name: str, name: str, text: str) -> None:
-    """Set one parameter of a running node.
-
-    Args:
-        node_name: Of the node, e.g. /arm.
-        name: Of the parameter.
-        text: Its new value in YAML, e.g. 0.2.
-
-    Raises:
-        TtError: the node is not there, or refuses the value.
-    """
-    rclpy.init(args=[])
-    node = rclpy.create_node("_ros2_client", enable_rosout=False, start_parameter_services=False)
-    try:
-        client = AsyncParameterClient(node, node_name)
-        if not client.wait_for_services(5 * DISCOVERY):
-            raise TtError(f"no node {node_name} with parameters")
-        future = client.set_parameters([Parameter(name, value=yaml.safe_load(text))])
-        rclpy.spin_until_future_complete(node, future, timeout_sec=5 * DISCOVERY)
-        if not future.done():
-            raise TtError(f"{node_name} does not answer")
-        (result,) = future.result().results
-        if not result.successful:
-            raise TtError(f"{node_name} refuses {name} = {text}: {result.reason}")
-        print("Set parameter successful")
     finally:
         rclpy.try_shutdown()

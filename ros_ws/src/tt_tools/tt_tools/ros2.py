@@ -105,10 +105,41 @@ def service_call(args: argparse.Namespace) -> None:
     call(args.service, args.type, args.values)
 
 
-def param_set(args: argparse.Namespace) -> None:
-    from .graph_node import set_parameter
+def param_list(args: argparse.Namespace) -> None:
+    from .graph_node import nodes
+    from .parameter_client import list_names
 
-    set_parameter(args.node, args.name, args.value)
+    list_names([args.node] if args.node else nodes(), single=bool(args.node))
+
+
+def param_get(args: argparse.Namespace) -> None:
+    from .parameter_client import show
+
+    show(args.node, args.name, hide_type=args.hide_type)
+
+
+def param_set(args: argparse.Namespace) -> None:
+    from .parameter_client import set_value
+
+    set_value(args.node, args.name, args.value)
+
+
+def param_describe(args: argparse.Namespace) -> None:
+    from .parameter_client import describe
+
+    describe(args.node, args.names)
+
+
+def param_dump(args: argparse.Namespace) -> None:
+    from .parameter_client import dump
+
+    dump(args.node)
+
+
+def param_load(args: argparse.Namespace) -> None:
+    from .parameter_client import load
+
+    load(args.node, args.file)
 
 
 def node_list(_: argparse.Namespace) -> None:
@@ -174,11 +205,25 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("type", help="e.g. std_srvs/srv/Trigger")
     one.add_argument("values", nargs="?", default="{}", help="the request in YAML, e.g. '{data: true}'")
 
-    param = group("param", "set parameters of running nodes")
-    one = verb(param, "set", param_set, "set one parameter")
+    param = group("param", "look at and set parameters of running nodes")
+    one = verb(param, "list", param_list, "name the parameters of all nodes, or of one")
+    one.add_argument("node", nargs="?", help="e.g. /arm")
+    one = verb(param, "get", param_get, "print the value of a parameter")
+    one.add_argument("node", help="e.g. /arm")
+    one.add_argument("name")
+    one.add_argument("--hide-type", action="store_true", help="print the value only")
+    one = verb(param, "set", param_set, "set a parameter")
     one.add_argument("node", help="e.g. /arm")
     one.add_argument("name")
     one.add_argument("value", help="in YAML")
+    one = verb(param, "describe", param_describe, "print type, meaning and bounds of parameters")
+    one.add_argument("node", help="e.g. /arm")
+    one.add_argument("names", nargs="+", metavar="name")
+    one = verb(param, "dump", param_dump, "print all parameters of a node as a parameter file")
+    one.add_argument("node", help="e.g. /arm")
+    one = verb(param, "load", param_load, "set the parameters of a file on a running node")
+    one.add_argument("node", help="e.g. /arm")
+    one.add_argument("file", type=Path)
 
     node = group("node", "look at nodes")
     verb(node, "list", node_list, "name the nodes")

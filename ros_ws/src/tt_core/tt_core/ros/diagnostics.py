@@ -24,6 +24,7 @@ class Status:
 
     def __init__(self, node: Node) -> None:
         self._node = node
+        self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
 
     def tell(
@@ -72,7 +73,7 @@ class Status:
     def _publish(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
-            name=f"{self._node.get_name()}: {part}" if part else self._node.get_name(),
+            name=f"{self._name}: {part}" if part else self._name,
             message=message,
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )

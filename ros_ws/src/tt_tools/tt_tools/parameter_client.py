@@ -1,0 +1,171 @@
+"""Parameters of running nodes: list, get, describe, set, dump and load them, with the words of ros2cli."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rclpy
+import yaml
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType, ParameterValue
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+from tt_core.errors import TtError
+
+PATIENCE = 10.0  # s, for a node to be discovered, and to answer
+TYPES = {  # as ros2cli names them: in a description, and before a value
+    ParameterType.PARAMETER_NOT_SET: ("not set", "Parameter not set."),
+    ParameterType.PARAMETER_BOOL: ("boolean", "Boolean value is:"),
+    ParameterType.PARAMETER_INTEGER: ("integer", "Integer value is:"),
+    ParameterType.PARAMETER_DOUBLE: ("double", "Double value is:"),
+    ParameterType.PARAMETER_STRING: ("string", "String value is:"),
+    ParameterType.PARAMETER_BYTE_ARRAY: ("byte array", "Byte values are:"),
+    ParameterType.PARAMETER_BOOL_ARRAY: ("boolean array", "Boolean values are:"),
+    ParameterType.PARAMETER_INTEGER_ARRAY: ("integer array", "Integer values are:"),
+    ParameterType.PARAMETER_DOUBLE_ARRAY: ("double array", "Double values are:"),
+    ParameterType.PARAMETER_STRING_ARRAY: ("string array", "String values are:"),
+}
+
+
+class ParameterClient:
+    """The parameters of one running node."""
+
+    def __init__(self, node: Node, name: str, patience: float = PATIENCE) -> None:
+        """Connect to a node.
+
+        Args:
+            node: Asks the questions; it is spun while they are answered.
+            name: Of the node asked, e.g. /arm.
+            patience: s, for it to be there and for each answer.
+
+        Raises:
+            TtError: It is not there in time.
+        """
+        self._node, self.name, self._patience = node, "/" + name.lstrip("/"), patience
+        self._executor = node.executor
+        if self._executor is None:
+            self._executor = SingleThreadedExecutor(context=node.context)  # the node holds it weakly
+            self._executor.add_node(node)
+        self._client = AsyncParameterClient(node, self.name)
+        if not self._client.wait_for_services(patience):
+            raise TtError(f"no node {self.name} with parameters")
+
+    def names(self) -> list[str]:
+        """Return the names of all parameters, sorted. Raises TtError without an answer."""
+        return sorted(self._result(self._client.list_parameters()).result.names)
+
+    def values(self, names: list[str]) -> list[ParameterValue]:
+        """Return the values of `names`. Raises TtError for a name that is not declared, or without an answer."""
+        values = list(self._result(self._client.get_parameters(names)).values)
+        if len(values) != len(names):
+            unknown = sorted(set(names) - set(self.names()))
+            raise TtError(f"{self.name} has no parameter {', '.join(unknown)}")
+        return values
+
+    def descriptors(self, names: list[str]) -> list[ParameterDescriptor]:
+        """Return what the node tells about `names`. Raises TtError for a name that is not declared, or without an answer."""
+        self.values(names)  # a description is also given of what is not declared
+        return list(self._result(self._client.describe_parameters(names)).descriptors)
+
+    def set(self, parameters: list[Parameter]) -> None:
+        """Set parameters one by one. Raises TtError with the reason for the first that is refused, or without an answer."""
+        for parameter in parameters:
+            (result,) = self._result(self._client.set_parameters([parameter])).results
+            if not result.successful:
+                raise TtError(f"{self.name} refuses {parameter.name} = {parameter.value}: {result.reason}")
+
+    def _result(self, future: Future) -> Any:
+        self._executor.spin_until_future_complete(future, self._patience)
+        if not future.done():
+            raise TtError(f"{self.name} does not answer within {self._patience:g} s")
+        return future.result()
+
+
+@contextmanager
+def connected(name: str) -> Iterator[ParameterClient]:
+    """Yield a client of the node `name`, in a context of its own. Raises TtError if the node is not there."""
+    rclpy.init(args=[])
+    try:
+        yield ParameterClient(rclpy.create_node("_ros2_param", enable_rosout=False, start_parameter_services=False), name)
+    finally:
+        rclpy.try_shutdown()
+
+
+def show(node: str, name: str, *, hide_type: bool) -> None:
+    """Print the value of one parameter."""
+    with connected(node) as client:
+        (value,) = client.values([name])
+    content = parameter_value_to_python(value)
+    text = str(content.tolist() if hasattr(content, "tolist") else content)
+    print(text if hide_type else f"{TYPES[value.type][1]} {text}".strip() if value.type else TYPES[value.type][1])
+
+
+def describe(node: str, names: list[str]) -> None:
+    """Print type, description and constraints of parameters."""
+    with connected(node) as client:
+        for descriptor in client.descriptors(names):
+            print(f"Parameter name: {descriptor.name}\n  Type: {TYPES[descriptor.type][0]}")
+            if descriptor.description:
+                print(f"  Description: {descriptor.description}")
+            print("  Constraints:")
+            if descriptor.read_only:
+                print("    Read only: true")
+            for bound in (*descriptor.integer_range, *descriptor.floating_point_range):
+                print(f"    Min value: {bound.from_value}\n    Max value: {bound.to_value}\n    Step: {bound.step}")
+            if descriptor.additional_constraints:
+                print(f"    Additional constraints: {descriptor.additional_constraints}")
+
+
+def dump(node: str) -> None:
+    """Print all parameters of a node as a parameter file, which can start the node again."""
+    with connected(node) as client:
+        names = client.names()
+        values = client.values(names)
+    content: dict[str, Any] = {}
+    for name, value in zip(names, map(parameter_value_to_python, values), strict=True):
+        *groups, last = name.split(".")
+        inner = content
+        for group in groups:
+            inner = inner.setdefault(group, {})
+        inner[last] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, (list, bytes)) else value
+    print(yaml.safe_dump({client.name: {"ros__parameters": content}}, default_flow_style=False), end="")
+
+
+def load(node: str, file: Path) -> None:
+    """Set the parameters of a file on a running node.
+
+    Raises:
+        TtError: The file cannot be read or has none for the node, or the node refuses one.
+    """
+    try:
+        messages = parameter_dict_from_yaml_file(str(file), use_wildcard=True, target_nodes=["/" + node.lstrip("/")])
+    except (OSError, RuntimeError, AttributeError, yaml.YAMLError) as error:
+        raise TtError(f"{file} is no parameter file: {error}") from error
+    if not messages:
+        raise TtError(f"{file} has no parameters for {node}")
+    with connected(node) as client:
+        for name, message in messages.items():
+            client.set([Parameter.from_parameter_msg(message)])
+            print(f"Set parameter {name} successful")
+
+
+def list_names(nodes: list[str], *, single: bool) -> None:
+    """Print the parameters of nodes, with the name of each node unless there is a `single` one."""
+    for node in nodes:
+        with connected(node) as client:
+            names = client.names()
+        if not single:
+            print(f"{node}:")
+        print("\n".join(f"  {name}" for name in names))
+
+
+def set_value(node: str, name: str, text: str) -> None:
+    """Set one parameter to a value in YAML. Raises TtError if the node refuses it."""
+    with connected(node) as client:
+        client.set([Parameter(name, value=yaml.safe_load(text))])
+    print("Set parameter successful")
