@@ -6,6 +6,7 @@ from tt_core.states import ReturnGoal
 from tt_eval.episode import landing_error, play, spin_error
 from tt_eval.scenario import Robot, Scenario
 from tt_racket.intercept import InterceptParams
+from tt_sim.world.outcome import Result
 
 
 @pytest.mark.parametrize(("kind", "scale"), [("top", 4), ("back", 3), ("left", 3)])
@@ -42,7 +43,7 @@ def test_a_goal_is_asked_for():
 def test_a_failure_has_its_reason(changes, reason):
     episode = play(Scenario("top", 4, **changes), seed=0)
     assert episode.reason.startswith(reason)
-    assert episode.outcome.result != "returned"
+    assert episode.outcome.result is not Result.RETURNED
 
 
 def test_a_scenario_that_cannot_be_is_refused():

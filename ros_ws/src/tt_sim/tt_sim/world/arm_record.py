@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,14 @@ from tt_arm.safety.clearance import OBSTACLES, clearance
 from tt_core.states import Array
 
 ROUNDING = 1e-6  # of the speed limit, that a speed at the limit may be above it
+
+
+class Bound(Enum):
+    """Bounds that the true arm must not break."""
+
+    SPEED_LIMIT = "speed limit"
+    END_STOP = "end stop"
+    CLEARANCE = "clearance"
 
 
 @njit(cache=True)
@@ -55,7 +64,7 @@ class ArmRecord:
     def __init__(self, model: ArmModel, joints: Joints) -> None:
         self._chain, self._limits = model.chain, np.column_stack([model.position_limits, model.speed_limits])
         self._joints = joints
-        self._broken: frozenset[str] = frozenset()  # bounds, in the last tick
+        self._broken: frozenset[Bound] = frozenset()  # bounds, in the last tick
         _, _, limit_distance, left, nearest = measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain)
         self.speed, self.acceleration, self.hits = (0.0, joints.time), (0.0, joints.time), 0
         self.limit_distance, self.clearance, self.nearest = (limit_distance, joints.time), (left, joints.time), OBSTACLES[nearest]
@@ -77,10 +86,10 @@ class ArmRecord:
         if speed <= 1.0 + ROUNDING and limit_distance > 0.0 and left > 0.0:
             self._broken = frozenset()
             return False
-        checks = (("speed limit", speed > 1.0 + ROUNDING), ("end stop", limit_distance <= 0.0), ("clearance", left <= 0.0))
-        broken = frozenset(name for name, is_broken in checks if is_broken)
+        checks = ((Bound.SPEED_LIMIT, speed > 1.0 + ROUNDING), (Bound.END_STOP, limit_distance <= 0.0), (Bound.CLEARANCE, left <= 0.0))
+        broken = frozenset(bound for bound, is_broken in checks if is_broken)
         begun, self._broken = broken - self._broken, broken
-        self.hits += "end stop" in begun
+        self.hits += Bound.END_STOP in begun
         return bool(begun)
 
     @property

@@ -19,6 +19,7 @@ from tt_core.errors import check_range
 from tt_core.flight import MAX_STEP, ease, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
+from tt_core.text_enum import TextEnum
 
 RACKET_RADIUS = 0.075  # m, a disc of a usual blade's width
 TABLE_THICKNESS = 0.025  # m, of a usual competition table
@@ -32,7 +33,18 @@ LYING = 0.03  # m/s, a ball that meets the table more slowly does not bounce any
 MOST = 64  # contacts of one call, after which a ball lies
 
 _NONE, _TABLE, _NET, _FLOOR, _RACKET = range(5)
-SURFACES = ("none", "table", "net", "floor", "racket")
+
+
+class Surface(TextEnum):
+    """What a ball can touch."""
+
+    TABLE = "table"
+    NET = "net"
+    FLOOR = "floor"
+    RACKET = "racket"
+
+
+_SURFACES = (None, Surface.TABLE, Surface.NET, Surface.FLOOR, Surface.RACKET)  # by the numbers above
 _BOXES = np.array(
     [
         [0.0, 0.0, -TABLE_THICKNESS, TABLE_LENGTH, TABLE_WIDTH, 0.0],
@@ -67,7 +79,7 @@ class Contact:
     """What the ball met. offset: m, from the face centre to the point of contact, for the racket. edge: whether it was the racket's rim or
     an edge of table or net."""
 
-    surface: str
+    surface: Surface
     before: BallState
     after: BallState
     offset: float = 0.0
@@ -299,7 +311,7 @@ def contacts_from(log: Array, start: float) -> list[Contact]:
     contacts = []
     for row, (surface, after, *_, offset, edge) in zip(rows, log.tolist(), strict=True):
         one, other = (BallState.trusted(start + after, row[k : k + 3], row[k + 3 : k + 6], row[k + 6 : k + 9]) for k in (2, 11))
-        contacts.append(Contact(SURFACES[int(surface)], one, other, offset, edge > 0.0))
+        contacts.append(Contact(_SURFACES[int(surface)], one, other, offset, edge > 0.0))
     return contacts
 
 
