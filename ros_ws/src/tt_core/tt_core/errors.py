@@ -49,6 +49,13 @@ class BadMessage(TtError):
     """A message that does not hold what its topic promises."""
 
 
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
+    """Return `value` if it is one of `choices`; raise BadChoice otherwise."""
+    if value not in choices:
+        raise BadChoice(name, value, choices)
+    return value
+
+
 def check_range(name: str, value: float, low: float, high: float) -> float:
     """`value` as float; raises NotFinite or OutOfRange."""
     value = float(value)

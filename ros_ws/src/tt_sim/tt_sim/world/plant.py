@@ -28,13 +28,15 @@ from .true_ball import RacketMotion
 class PlantParams:
     """How the simulated arm differs from the perfect one."""
 
-    time_constant: float = param(0.005, "s", "lag of the joint velocity loops, an assumption", low=0.0001, high=1.0)
-    acceleration: float = param(40.0, "rad/s^2", "an assumption: twice what a swing asks for", low=0.1, high=10000.0)
-    speed_share: float = param(1.0, "", "of the speed limits that the drives reach", low=0.01, high=1.0)
-    torque_share: float = param(0.0, "", "of the rated torque that the motors have; 0: as much as it takes", low=0.0, high=100.0)
-    q_noise: float = param(0.0, "rad", "standard deviation of a measured position", low=0.0, high=1.0)
-    qdot_noise: float = param(0.0, "rad/s", "standard deviation of a measured speed", low=0.0, high=10.0)
-    q_step: float = param(0.0, "rad", "of the encoders; 0: none", low=0.0, high=0.1)
+    time_constant: float = param(0.005, "s", "time constant of the joint velocity loops, an assumption", low=0.0001, high=1.0)
+    acceleration: float = param(
+        40.0, "rad/s^2", "largest acceleration of each joint, an assumption: twice what a swing asks for", low=0.1, high=10000.0
+    )
+    speed_share: float = param(1.0, "", "share of the speed limits of the joints that the drives reach", low=0.01, high=1.0)
+    torque_share: float = param(0.0, "", "share of the rated joint torque that the motors have; 0: no limit", low=0.0, high=100.0)
+    q_noise: float = param(0.0, "rad", "standard deviation of a measured joint position", low=0.0, high=1.0)
+    qdot_noise: float = param(0.0, "rad/s", "standard deviation of a measured joint speed", low=0.0, high=10.0)
+    q_step: float = param(0.0, "rad", "resolution of the joint encoders; 0: none", low=0.0, high=0.1)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

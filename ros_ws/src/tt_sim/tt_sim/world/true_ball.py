@@ -44,7 +44,7 @@ class Surface(TextEnum):
     RACKET = "racket"
 
 
-_SURFACES = (None, Surface.TABLE, Surface.NET, Surface.FLOOR, Surface.RACKET)  # by the numbers above
+_SURFACES = {_TABLE: Surface.TABLE, _NET: Surface.NET, _FLOOR: Surface.FLOOR, _RACKET: Surface.RACKET}
 _BOXES = np.array(
     [
         [0.0, 0.0, -TABLE_THICKNESS, TABLE_LENGTH, TABLE_WIDTH, 0.0],
