@@ -24,6 +24,7 @@ NODE = 0.04  # s
 def places(ball: Array, times: Array, air: Array) -> Array:
     """(n, 3) m, of the ball (9,) in free flight at times (n,) s after it, rising: cubic between states NODE s apart, to 1e-5 m."""
     out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
+    start_position, start_velocity, end_position, end_velocity = start[:3], start[3:6], end[:3], end[3:6]
     for i in range(len(times)):
         while times[i] > last:
             start[:] = end
@@ -31,9 +32,9 @@ def places(ball: Array, times: Array, air: Array) -> Array:
             last += NODE
         u = 1.0 - (last - times[i]) / NODE
         for k in range(3):
-            m0, m1 = NODE * start[3 + k], NODE * end[3 + k]
-            a, b = 2.0 * (start[k] - end[k]) + m0 + m1, 3.0 * (end[k] - start[k]) - 2.0 * m0 - m1
-            out[i, k] = ((a * u + b) * u + m0) * u + start[k]
+            p0, p1, m0, m1 = start_position[k], end_position[k], NODE * start_velocity[k], NODE * end_velocity[k]
+            a, b = 2.0 * (p0 - p1) + m0 + m1, 3.0 * (p1 - p0) - 2.0 * m0 - m1
+            out[i, k] = ((a * u + b) * u + m0) * u + p0
     return out
 
 
