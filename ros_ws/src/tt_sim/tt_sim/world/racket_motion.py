@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,7 +13,7 @@ from tt_core.states import Array
 RACKET_RADIUS = 0.075  # m, a disc of a usual blade's width
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class RacketMotion:
     """The racket at one instant, in frame `table`.
 
@@ -35,9 +34,9 @@ class RacketMotion:
         """Unit normal of the face, (3,)."""
         return self.rotation[:, 2]
 
-    @functools.cached_property
+    @property
     def row(self) -> Array:
-        """Position, normal, velocity and angular velocity, (12,), of which `racket_track` is made; two ticks share it."""
+        """Position, normal, velocity and angular velocity, (12,), of which `racket_track` is made."""
         return np.concatenate([self.position, self.normal, self.velocity, self.turning])
 
 

@@ -306,12 +306,12 @@ class World:
         self._models = Coefficients.of(physics, racket_radius)
         self._log = np.empty(MOST_CONTACTS, dtype=CONTACT_LOG)
 
-    def advance(self, until: float, rackets: Sequence[RacketMotion], tick: float) -> list[Contact]:
+    def advance(self, until: float, rackets: Sequence[RacketMotion] | Array, tick: float) -> list[Contact]:
         """Fly the ball; on the floor it is gone.
 
         Args:
             until: s.
-            rackets: The racket every `tick` s, the last one at `until`.
+            rackets: The racket every `tick` s, the last one at `until`; or its rows, (n, 12), see RacketMotion.row.
             tick: s.
 
         Returns:
@@ -319,7 +319,7 @@ class World:
         """
         if self.ball is None or until - self.ball.time <= 1e-12:
             return []
-        rows = np.array([racket.row for racket in rackets])
+        rows = rackets if isinstance(rackets, np.ndarray) else np.array([racket.row for racket in rackets])
         start = until - tick * (len(rows) - 1)
         state = self.ball.vector
         n, now, is_in_play = travel(state, self.ball.time - start, until - start, rows, tick, self._models, self._log)
