@@ -51,7 +51,7 @@ def test_slow_balls_are_returned_and_most_fast_ones():
 
 def test_a_ball_is_one_of_its_session(fast):
     again = play(FAST, 4)
-    assert again.outcome.told() == fast[1].outcome.told()
+    assert again.outcome.to_text() == fast[1].outcome.to_text()
     assert again.joints == pytest.approx(fast[1].joints, abs=0.0)
 
 

@@ -37,7 +37,7 @@ def test_results(contacts, result):
 
 def test_a_result_is_shown_as_its_word():
     assert f"{Result.OWN_HALF}" == str(Result.OWN_HALF) == "own half" and Result("own half") is Result.OWN_HALF
-    assert Outcome(BOUNCE.before).told()["result"] == "missed"
+    assert Outcome(BOUNCE.before).to_text()["result"] == "missed"
 
 
 def test_a_ball_is_over_when_it_is_gone_or_landed():

@@ -37,7 +37,7 @@ def test_a_ball_onto_the_waiting_racket_is_a_hit_and_is_over_once():
     assert machine.outcome.hit is not None and machine.outcome.contacts[0].surface is Surface.RACKET
     assert [outcome for tick in ticks for outcome in tick.ended] == [machine.outcome]
     assert ticks[-1].ball is None
-    told = machine.outcome.told()
+    told = machine.outcome.to_text()
     assert told["result"] == machine.outcome.result and told["hit"].startswith("[10.0")
 
 

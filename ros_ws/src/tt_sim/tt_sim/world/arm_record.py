@@ -126,7 +126,7 @@ class ArmRecord:
         """Whether no bound was broken since the start."""
         return self.speed[0] <= 1.0 + ROUNDING and self.hits == 0 and self.clearance[0] > 0.0
 
-    def told(self) -> dict[str, Any]:
+    def to_text(self) -> dict[str, Any]:
         """Return all of it as text, numbers in SI units."""
         worst = {"speed": self.speed, "acceleration": self.acceleration, "limit_distance": self.limit_distance, "clearance": self.clearance}
         texts = {name: f"{value:.9g}" for name, (value, _) in worst.items()}

@@ -103,7 +103,7 @@ class Outcome:
         parts = [places(ball.vector, times[a:b] - ball.time, air) for ball, a, b in zip(balls, cuts, cuts[1:], strict=False)]
         return np.concatenate(parts)
 
-    def told(self) -> dict[str, Any]:
+    def to_text(self) -> dict[str, Any]:
         """All of it as text, balls as JSON lists [time, position, velocity, spin], null for what did not happen."""
         hit, landing = self.hit, self.landing
         states = {
