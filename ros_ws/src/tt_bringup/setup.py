@@ -1,3 +1,5 @@
+"""Installs tt_bringup."""
+
 from pathlib import Path
 
 from setuptools import find_packages, setup

@@ -97,6 +97,7 @@ def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
 
 
 def arguments(path: Path) -> list[Argument]:
+    """Return the arguments that a launch file declares. Raises LaunchError for what is no launch file."""
     return [Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read(path) if kind == "arg"]
 
 

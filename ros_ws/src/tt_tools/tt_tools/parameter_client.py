@@ -47,10 +47,11 @@ class ParameterClient:
             TtError: It is not there in time.
         """
         self._node, self.name, self._patience = node, "/" + name.lstrip("/"), patience
-        self._executor = node.executor
-        if self._executor is None:
-            self._executor = SingleThreadedExecutor(context=node.context)  # the node holds it weakly
-            self._executor.add_node(node)
+        executor = node.executor
+        if executor is None:
+            executor = SingleThreadedExecutor(context=node.context)
+            executor.add_node(node)
+        self._executor = executor  # the node holds it weakly
         self._client = AsyncParameterClient(node, self.name)
         if not self._client.wait_for_services(patience):
             raise TtError(f"no node {self.name} with parameters")
