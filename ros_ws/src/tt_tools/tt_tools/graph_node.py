@@ -14,9 +14,10 @@ import yaml
 from rclpy.node import Node
 from tt_core.errors import TtError
 from tt_core.ros.node_main import run
+from tt_core.ros.qos import compatible
 
 from .packages import interface
-from .record_node import matching_qos
+from .record_node import ALL
 
 DISCOVERY = 2.0  # s until all are known: with config/fastdds.xml it took up to 0.8 s between two processes of an idle machine
 
@@ -71,7 +72,7 @@ class _Listener(Node):
                 raise TtError(f"nobody publishes {topic}; there is {', '.join(_topics(self))}")
             time.sleep(0.05)
         kind = interface(offered[0].topic_type)
-        self.create_subscription(kind, topic, on_message, matching_qos([info.qos_profile for info in offered]), raw=raw)
+        self.create_subscription(kind, topic, on_message, compatible(ALL, [info.qos_profile for info in offered]), raw=raw)
 
 
 def echo(topic: str, once: bool = False) -> None:

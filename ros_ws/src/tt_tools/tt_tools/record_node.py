@@ -25,6 +25,7 @@ from tt_core.ros.bags import BagError
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
+from tt_core.ros.qos import compatible
 
 from .bagfile import RESERVE
 from .packages import NotFound, interface
@@ -32,11 +33,12 @@ from .record import QUEUE, Recording, State
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
 TELL = 1.0  # s between two words while messages are lost
-DEPTH = 1000  # messages that may wait: half a second of two cameras at 900 Hz
+# messages that may wait: half a second of two cameras at 900 Hz
+ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """The profile of a publisher in the words of the bag."""
+    """Return the profile of a publisher in the form that bags have."""
 
     def split(duration: Duration) -> QosTime:
         return QosTime(*divmod(duration.nanoseconds, 10**9))
@@ -51,17 +53,6 @@ def offered_qos(profile: QoSProfile) -> Qos:
         QosLiveliness(profile.liveliness.value),
         split(profile.liveliness_lease_duration),
         profile.avoid_ros_namespace_conventions,
-    )
-
-
-def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
-    """What every one of the publishers can serve."""
-    reliable = all(profile.reliability is ReliabilityPolicy.RELIABLE for profile in offered)
-    durable = all(profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if durable else DurabilityPolicy.VOLATILE,
     )
 
 
@@ -147,7 +138,7 @@ class RecordNode(Node):
             self.get_logger().warning(f"{name} is left out: {error}")
             return
         events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, name))
-        self.create_subscription(message, name, partial(self._on_message, name), matching_qos(offered), raw=True, event_callbacks=events)
+        self.create_subscription(message, name, partial(self._on_message, name), compatible(ALL, offered), raw=True, event_callbacks=events)
 
     def _on_message(self, topic: str, data: bytes) -> None:
         self._recording.add(topic, time.time_ns(), data)
@@ -159,12 +150,13 @@ class RecordNode(Node):
         """Record what has arrived and not yet been handled."""
         for subscription in self.subscriptions:
             with subscription.handle:
-                for _ in range(DEPTH):
+                for _ in range(ALL.depth):
                     if not (taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)):
                         break
                     self._on_message(subscription.topic_name, taken[0])
 
     def close(self) -> None:
+        """Take what is still waiting and close the bag."""
         self._take_rest()
         try:
             summary = self._recording.close()
