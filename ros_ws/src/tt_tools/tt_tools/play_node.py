@@ -15,6 +15,7 @@ from pathlib import Path
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -117,7 +118,7 @@ class PlayNode(Node):
             bag: What is played.
             remap: New names by old ones.
         """
-        wanted = [self.resolve_topic_name(name) for name in self.params.topics]
+        wanted = [expand_topic_name(name, self.get_name(), self.get_namespace()) for name in self.params.topics]
         for topic in bag.topics:
             if (wanted and topic.name not in wanted) or (self._ticks and topic.name == "/clock"):
                 continue
