@@ -10,8 +10,8 @@ from pathlib import Path
 def set_priority(nice: int) -> None:
     """Set the priority of this process, of the threads that it starts from now on, and of its session if it leads one.
 
-    Linux shares the processor between sessions first (autogroup, man 7 sched): the nice value of a process counts within its session only. A
-    process that a launch file has started leads a session of its own.
+    Linux shares the processor between sessions first (autogroup, man 7 sched): the nice value of a process counts within its session only.
+    A process that a launch file has started leads a session of its own.
 
     Args:
         nice: -20, the most urgent, to 19.
