@@ -1,4 +1,4 @@
-"""Records topics as they are on the wire, without looking into the messages."""
+"""Records the serialized messages of topics without decoding them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .packages import NotFound, interface
 from .record import QUEUE, Recording, State
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
-TELL = 1.0  # s between two words while messages are lost
+TELL = 1.0  # s between two reports while messages are lost
 # messages that may wait: half a second of two cameras at 900 Hz
 ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -57,7 +57,7 @@ def offered_qos(profile: QoSProfile) -> Qos:
 
 
 def free_name(output: str) -> str:
-    """Return `output`, or where that exists the first of output_2, output_3, ... that does not."""
+    """Return `output` if it does not exist, else the first of output_2, output_3, ... that does not."""
     names = itertools.chain([output], (f"{output.rstrip('/')}_{number}" for number in itertools.count(2)))
     return next(name for name in names if not Path(name).exists())
 
@@ -79,11 +79,9 @@ class RecordParams:
 
 
 class RecordNode(Node):
-    """Topics -> a new rosbag2 directory, `output`, or bags/ and the time; what is lost -> diagnostics.
+    """Subscribes to topics, writes them to a new rosbag2 directory, and publishes on /diagnostics what is lost.
 
-    All topics, or those in `topics`, less those in which the regex `exclude` is found. At most `queue_bytes` wait for the disk, of
-    which `reserve_bytes` stay free; what is beyond that is dropped and counted. With `numbered` a directory that exists is no error: the
-    new one gets a number, as a recorder needs that is started again.
+    RecordParams says which topics, and what happens when the disk is slow or full.
     """
 
     def __init__(self) -> None:
@@ -98,7 +96,7 @@ class RecordNode(Node):
         except re.error as error:
             raise TtError(f"exclude = {params.exclude!r} is no regular expression: {error}") from error
         self._seen: set[str] = set()
-        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last word and its time in s
+        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last report and its time in s
         self.failed = False
         self._status = Status(self)
         self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -116,7 +114,7 @@ class RecordNode(Node):
                 self._subscribe(name, kinds[0], offered)
 
     def _tell(self, state: State) -> None:
-        """Tell at once when trouble begins or ends, and every second while messages are lost."""
+        """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
         changed = state.trouble != self._told.trouble
         losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
         if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + TELL):
@@ -169,7 +167,7 @@ class RecordNode(Node):
 
 
 def main() -> None:
-    """Exit with 1 if messages were lost through the disk."""
+    """Run the node. The exit code is 1 if the disk cost messages."""
     nodes: list[RecordNode] = []
 
     def make() -> RecordNode:

@@ -1,4 +1,4 @@
-"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, param, node."""
+"""The verbs of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, param, node."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def renaming(text: str) -> tuple[str, str]:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Become the executable of a package."""
+    """Replace this process by the executable of a package."""
     program = packages.executable(args.package, args.executable)
     os.execv(program, [str(program), *args.args])
 
@@ -55,7 +55,7 @@ def start(args: argparse.Namespace) -> int:
 
 
 def record(args: argparse.Namespace) -> None:
-    """Become a recorder."""
+    """Replace this process by the recorder."""
     topics = [*args.topics, *args.more_topics]
     if bool(topics) == args.all:
         raise TtError("give either topics or -a")
