@@ -30,7 +30,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, goal_to_message, seconds
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.states import BallState, ReturnGoal
 from tt_racket.goal import GoalParams, default_goal
@@ -87,11 +87,11 @@ class Demo(Node):
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """Keep the end of the ball, the latency, and the last refusal."""
-        for time_told, name, text, values in read_status(message):
-            if name == "sim" and text == "ball over":
-                self.told, self.over = values, time_told
-            elif name == "arm" and text == "first command" and self.latency_ms is None:
-                self.latency_ms = float(values["latency_ms"])
+        for told in read_status(message):
+            if told.event is Event.BALL_OVER:
+                self.told, self.over = told.values, told.time
+            elif told.event is Event.FIRST_COMMAND and self.latency_ms is None:
+                self.latency_ms = float(told.values["latency_ms"])
         for status in message.status:
             if status.level != status.OK:
                 self.refusal = f"{status.name}: {status.message}"

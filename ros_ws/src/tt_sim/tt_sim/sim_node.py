@@ -41,7 +41,7 @@ from tt_core.ros.convert import (
     racket_to_message,
     stamp,
 )
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
@@ -318,7 +318,7 @@ class SimNode(Node):
             for outcome in tick.ended:
                 over = flying.pop(outcome.launched.time)
                 self.busy.clear()  # first: who hears of the end may launch at once
-                self.status.tell("ball over", number=over.number, shot=over.shot, **outcome.told())
+                self.status.tell(Event.BALL_OVER, number=over.number, shot=over.shot, **outcome.told())
 
     def publish_image(self, side: int, stamped: float, image: Image) -> None:
         image.header.stamp = stamp(stamped)
