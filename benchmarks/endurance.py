@@ -35,12 +35,15 @@ STREAK = 10  # balls missed one after the other, which a latched arm would miss
 
 
 def usage(graph: Graph) -> dict[str, tuple[float, int]]:
-    """Memory (MB, proportional share of what is shared) and open descriptors of each node with its children."""
+    """Return memory (MB) and open descriptors of each node with its children.
+
+    Memory is what belongs to the node alone (USS): a share of common pages changes with whatever other program begins or ends.
+    """
     found = {}
     for name, pid in tuple(graph.nodes.items()):
         try:
             family = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
-            found[name] = sum(p.memory_full_info().pss for p in family) / 1e6, sum(p.num_fds() for p in family)
+            found[name] = sum(p.memory_full_info().uss for p in family) / 1e6, sum(p.num_fds() for p in family)
         except psutil.NoSuchProcess:
             continue
     return found

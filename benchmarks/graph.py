@@ -30,7 +30,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from tt_core.ros.convert import seconds
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import RELIABLE, TRUTH
 from tt_tools import launch, packages
 
@@ -100,14 +100,15 @@ class Watch(Node):
         self.enabler = self.create_client(SetBool, "/arm/enable")
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for told, name, text, values in read_status(message):
-            if name == "sim" and text == "ball over":
+        for told in read_status(message):
+            values = told.values
+            if told.event is Event.BALL_OVER:
                 launched, hit = json.loads(values["launched"])[0], json.loads(values["hit"]) is not None
-                self.balls.append(Ball(int(values["number"]), launched, told, hit, values["result"]))
-            elif name == "sim: arm record":
+                self.balls.append(Ball(int(values["number"]), launched, told.time, hit, values["result"]))
+            elif told.name == "sim: arm record":
                 self.record = time.time(), values
-            elif text == "first command" and "latency_ms" in values:
-                self.latencies.append((told, float(values["latency_ms"])))
+            elif told.event is Event.FIRST_COMMAND and "latency_ms" in values:
+                self.latencies.append((told.time, float(values["latency_ms"])))
         stamp = seconds(message.header.stamp)
         for s in message.status:
             if s.level != s.OK:

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from report import arguments, report
 from rich.console import Console
 from tt_bringup.demo import free_domain
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import RELIABLE
 from tt_sim.world.outcome import Result
 from tt_tools import launch, packages
@@ -41,11 +41,12 @@ class Watch(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for _, name, text, values in read_status(message):
-            if name == "sim" and text == "ball over":
+        for told in read_status(message):
+            values = told.values
+            if told.event is Event.BALL_OVER:
                 self.results.append(Result(values["result"]) if json.loads(values["hit"]) else Result.MISSED)
-            elif name in STAGES and "latency_ms" in values and text != "swing":
-                self.latencies[name].append(float(values["latency_ms"]))
+            elif told.name in STAGES and "latency_ms" in values and told.event is not Event.SWING:
+                self.latencies[told.name].append(float(values["latency_ms"]))
         self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in message.status if s.level != s.OK]
 
 

@@ -38,7 +38,7 @@ NODES: dict[str, tuple[str, tuple[str, ...]]] = {
     "racket_node": ("tt_racket", ()),
     "arm_node": ("tt_arm", ()),
     "enable": ("tt_arm", ("--ros-args", "-r", "arm/enable:=arm/enable_nothing")),
-    "record_node": ("tt_bringup", ("--ros-args", "-p", "output:=bag")),
+    "record_node": ("tt_tools", ("--ros-args", "-p", "output:=bag")),
 }
 AT_ONCE, LOADS = 4, 2
 MOMENTS = 10.0  # s from the start in which the signal comes

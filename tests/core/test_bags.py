@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bagforms import FORMS, MCAP, ROS1, SQLITE, TYPES, split, write_ros1, write_ros2
+from refusals import refused
 from rosbags import rosbag1, rosbag2
 from tt_core.ros.bags import Bag, BagError
 
@@ -94,17 +95,17 @@ def test_a_type_that_only_the_bag_defines_can_be_read(tmp_path):
     with Bag(tmp_path / "bag") as bag:
         own, hidden = bag.messages()
         assert bag.decode(own).x == 1.5
-        with pytest.raises(BagError, match="/hidden .* has the unknown type my_msgs/msg/Hidden"):
+        with refused(BagError, "/hidden", "my_msgs/msg/Hidden"):
             bag.decode(hidden)
 
 
 def test_what_is_no_bag_says_why(tmp_path):
-    with pytest.raises(BagError, match=r"there is no file or folder .*nothing$"):
+    with refused(BagError, tmp_path / "nothing"):
         Bag(tmp_path / "nothing")
     (tmp_path / "notes.txt").write_text("no bag")
-    with pytest.raises(BagError, match=r"notes.txt is no bag; the name of one ends in .mcap, .db3, .bag"):
+    with refused(BagError, "notes.txt", ".mcap", ".db3", ".bag"):
         Bag(tmp_path / "notes.txt")
-    with pytest.raises(BagError, match=r"is no bag; it holds no file \*.mcap, \*.db3, \*.bag"):
+    with refused(BagError, tmp_path, "*.mcap", "*.db3", "*.bag"):
         Bag(tmp_path)
 
 
@@ -114,7 +115,7 @@ def test_reindex_is_advised_for_mcap(tmp_path, form):
     file = path if path.is_file() else min(path.glob("*.mcap"))
     with file.open("r+b") as stream:
         stream.truncate(file.stat().st_size // 2)
-    with pytest.raises(BagError, match=f"{path} is damaged: .*; if its recorder was killed: ros2 bag reindex {path}$"):
+    with refused(BagError, f"ros2 bag reindex {path}"):
         Bag(path)
 
 
@@ -125,7 +126,7 @@ def test_reindex_is_not_advised_where_it_does_not_help(tmp_path, form, part):
     file = path if path.is_file() else next(file for file in path.iterdir() if file.name != "metadata.yaml")
     with file.open("r+b") as stream:
         stream.truncate(int(part * file.stat().st_size))
-    with pytest.raises(BagError, match=f"{path} is damaged") as caught, Bag(path) as bag:
+    with refused(BagError, path) as caught, Bag(path) as bag:
         list(bag.messages())
     assert "ros2 bag reindex" not in str(caught.value)
 
@@ -134,7 +135,7 @@ def test_reindex_is_not_advised_where_it_does_not_help(tmp_path, form, part):
 def test_a_file_that_is_missing_is_told(tmp_path, plugin):
     path = split(tmp_path, rows(), plugin)
     min(path.glob("bag_1*")).unlink()
-    with pytest.raises(BagError, match=r"missing.*bag_1"):
+    with refused(BagError, "bag_1"):
         Bag(path)
 
 

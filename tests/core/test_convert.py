@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from nav_msgs.msg import Odometry
+from refusals import refused
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import BadMessage, BadShape, TtError
@@ -91,7 +92,7 @@ def test_pixels(time, pixel):
     assert again == pytest.approx(time, abs=NANOSECOND) and where == pytest.approx(pixel, abs=0.0)
     assert message.header.frame_id == "wide_left_optical"
     message.point.x = float("nan")
-    with pytest.raises(TtError, match="pixel"):
+    with refused(TtError, "pixel"):
         convert.pixel_from_message(message)
 
 
@@ -102,32 +103,32 @@ def test_joints_come_in_the_order_that_is_asked_for():
 
 
 @pytest.mark.parametrize(
-    ("convert_one", "message", "words"),
+    ("convert_one", "message", "named"),
     [
-        (convert.ball_from_message, Odometry(), "frames table -> ball expected"),
-        (convert.path_from_message, MultiDOFJointTrajectory(), "1 points expected"),
-        (convert.path_from_message, convert.strokes_to_message([], 0.0), "joint .* expected"),
-        (convert.strokes_from_message, convert.goal_to_message(ReturnGoal([2, 0.7], 0.6, 0, 0)), "joint .* expected"),
-        (convert.image_from_message, Image(encoding="32FC1"), "'32FC1' is none of mono8, 8UC1"),
-        (convert.image_from_message, Image(encoding="mono8", width=4, height=4, step=4), "0 bytes of step 4"),
-        (convert.camera_from_message, CameraInfo(), "not calibrated"),
-        (lambda m: convert.joints_from_message(m, ["a"]), JointState(name=["a"], position=[np.nan], velocity=[0.0]), "not finite"),
+        (convert.ball_from_message, Odometry(), ("table", "ball")),
+        (convert.path_from_message, MultiDOFJointTrajectory(), ("ball", 1, 0)),
+        (convert.path_from_message, convert.strokes_to_message([], 0.0), ("ball", "racket")),
+        (convert.strokes_from_message, convert.goal_to_message(ReturnGoal([2, 0.7], 0.6, 0, 0)), ("racket", "ball")),
+        (convert.image_from_message, Image(encoding="32FC1"), ("32FC1", "mono8", "8UC1")),
+        (convert.image_from_message, Image(encoding="mono8", width=4, height=4, step=4), (0, 4)),
+        (convert.camera_from_message, CameraInfo(), ("K",)),
+        (lambda m: convert.joints_from_message(m, ["a"]), JointState(name=["a"], position=[np.nan], velocity=[0.0]), ("nan",)),
     ],
 )
-def test_a_broken_message_is_refused(convert_one, message, words):
-    with pytest.raises(TtError, match=words):
+def test_a_broken_message_is_refused(convert_one, message, named):
+    with refused(TtError, *named):
         convert_one(message)
 
 
 def test_a_number_that_is_none_is_refused():
     message = convert.ball_to_message(BallState(0.0, [1, 2, 3], [0, 0, 0], [0, 0, 0]))
     message.twist.twist.angular.y = np.nan
-    with pytest.raises(TtError, match="spin"):
+    with refused(TtError, "spin", "nan"):
         convert.ball_from_message(message)
 
 
 def test_what_is_no_image_is_refused():
-    with pytest.raises(BadShape, match="image"):
+    with refused(BadShape, "image", (2, 2, 3)):
         convert.image_to_message(np.zeros((2, 2, 3), np.uint8), 0.0, "x")
-    with pytest.raises(BadMessage, match="float64"):
+    with refused(BadMessage, "float64"):
         convert.image_to_message(np.zeros((2, 2)), 0.0, "x")

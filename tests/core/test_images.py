@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from tt_core.errors import BadMessage, OutOfRange, TtError
 from tt_core.images import ENCODINGS, MOST_PIXELS, grey_image
 
@@ -56,7 +57,7 @@ def test_grey_without_gaps_is_a_view(encoding):
 
 @pytest.mark.parametrize("encoding", ["", "8SC1", "8UC2", "32FC1", "64FC4", "jpeg", "x" * 10**6])
 def test_an_encoding_without_brightness_is_refused_by_name(encoding):
-    with pytest.raises(BadMessage, match="is none of mono8, ") as told:
+    with refused(BadMessage, "mono8") as told:
         grey_image(encoding, WIDTH, HEIGHT, WIDTH, bytes(WIDTH * HEIGHT))
     assert len(str(told.value)) < 1000
 

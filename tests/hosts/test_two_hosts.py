@@ -8,7 +8,7 @@ import pytest
 from hosts.two_hosts import is_hit, one_host, two_hosts
 from rosbags.highlevel import AnyReader
 from tt_core.ros.convert import seconds
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 
 pytestmark = pytest.mark.timeout(300)  # two starts of the whole robot are in the first test
 
@@ -16,7 +16,7 @@ BALLS = 5
 RATE = "rate:=30.0"  # balls a minute
 START = 100.0  # s until the first ball is hit; 20 to 35 s on two shared cores
 NEXT = 30.0  # s, room for 15 balls
-RESULTS = {("predict", "path"): "/ball/path", ("racket", "strokes"): "/racket/strokes"}  # by the node and the word that tell of them
+RESULTS = {Event.PATH: "/ball/path", Event.STROKES: "/racket/strokes"}  # topics by the events that tell of them
 
 
 def series(session, begun):
@@ -95,9 +95,9 @@ def test_the_recording_is_whole(pair):
             if connection.topic in RESULTS.values():
                 recorded[connection.topic].append(seconds(message.header.stamp))
             elif connection.topic == "/diagnostics":
-                for _, name, text, values in read_status(message):
-                    if (name, text) in RESULTS:
-                        told[RESULTS[name, text]].append(float(values["stamp"]))
+                for one in read_status(message):
+                    if one.event in RESULTS:
+                        told[RESULTS[one.event]].append(float(one.values["stamp"]))
             elif connection.topic == "/joint_states":
                 after += bool(cuts) and time * 1e-9 > cuts[-1][1]
     for topic in RESULTS.values():

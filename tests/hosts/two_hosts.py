@@ -18,6 +18,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tt_core.ros.diagnostics import Event, Told
+
 TOOLS = ("ip", "unshare", "nsenter", "mount", "setpriv")
 CABLE = "cable"  # name of the interface on either machine
 ADDRESSES = ("10.64.0.1", "10.64.0.2")
@@ -110,16 +112,6 @@ def _holder(stack: ExitStack) -> int:
     return holder.pid
 
 
-@dataclass(frozen=True)
-class Told:
-    """One status of /diagnostics. time: s, when it was told."""
-
-    time: float
-    name: str
-    text: str
-    values: dict[str, str]
-
-
 @dataclass
 class Session:
     """Launches and watches on machines; what the watches hear is in `told`, in the order of its arrival."""
@@ -161,18 +153,18 @@ class Session:
             if ended := [process.args for process in self._running if process.poll() is not None]:
                 raise TimeoutError(f"{what}: {ended} ended")
             if time.monotonic() > end:
-                last = {t.name: t.text for t in self.told if t.text != "clock offsets"}
+                last = {t.name: t.message for t in self.told}
                 raise TimeoutError(f"{what}: not within {bound:g} s; last told: {last}")
             time.sleep(0.02)
 
     def balls(self, since: float = 0.0) -> list[Told]:
         """Return what the simulator told of each ball that was launched after `since` (s)."""
-        over = [t for t in self.told if t.name == "sim" and t.text == "ball over"]
+        over = [t for t in self.told if t.event is Event.BALL_OVER]
         return [ball for ball in over if json.loads(ball.values["launched"])[0] > since]
 
     def latencies(self, since: float = 0.0) -> list[float]:
         """Return the time from the last frame to the first command of each swing since `since` (s), in ms."""
-        begun = [t for t in self.told if t.name == "arm" and t.text == "first command" and t.time > since]
+        begun = [t for t in self.told if t.event is Event.FIRST_COMMAND and t.time > since]
         return [float(t.values["latency_ms"]) for t in begun]
 
     def close(self) -> None:

@@ -21,8 +21,8 @@ class Watch(Node):
         self.monitor = ClockMonitor(self, Status(self))
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for time, name, text, values in read_status(message):
-            print(json.dumps({"time": time, "name": name, "text": text, "values": values}), flush=True)
+        for told in read_status(message):
+            print(json.dumps(told._asdict()), flush=True)
 
 
 if __name__ == "__main__":

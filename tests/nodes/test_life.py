@@ -31,8 +31,8 @@ NODES = {
     "predict_node": ("tt_predict", ()),
     "racket_node": ("tt_racket", ()),
     "arm_node": ("tt_arm", ()),
-    "record_node": ("tt_bringup", ("--ros-args", "-p", "output:=bag")),
-    "play_node": ("tt_bringup", ("--ros-args", "-p", f"bag:={BAG}", "-p", "wait_for:=[/nothing]")),
+    "record_node": ("tt_tools", ("--ros-args", "-p", "output:=bag")),
+    "play_node": ("tt_tools", ("--ros-args", "-p", f"bag:={BAG}", "-p", "wait_for:=[/nothing]")),
 }
 
 

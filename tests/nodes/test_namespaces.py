@@ -7,7 +7,7 @@ from signal import SIGINT
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import RELIABLE
 
 ROBOTS = ("red", "blue")
@@ -36,9 +36,9 @@ def test_two_robots_play_at_the_same_time(robots, probe, until):
     over = dict[str, str]()
 
     def on_status(message):
-        for _, name, text, values in read_status(message):
-            if text == "ball over":
-                over[name] = values["result"]
+        for told in read_status(message):
+            if told.event is Event.BALL_OVER:
+                over[told.name] = told.values["result"]
 
     probe.create_subscription(DiagnosticArray, "/diagnostics", on_status, RELIABLE)
     launchers = {name: probe.create_client(Trigger, f"/{name}/launcher/launch") for name in ROBOTS}

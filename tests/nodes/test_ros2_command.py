@@ -15,7 +15,7 @@ LAUNCH = """
 launch:
   - arg: {name: output}
   - node:
-      pkg: tt_bringup
+      pkg: tt_tools
       exec: record_node
       name: witness
       namespace: court

@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.model import WAITING
 from tt_core.ros.convert import ball_from_message, image_from_message, pixel_from_message, seconds
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
 from tt_vision.camera import triangulate
 from tt_vision.rig import wide_pair
@@ -36,7 +36,7 @@ def test_a_launch_becomes_images_and_its_end_is_told(start, probe, until):
     assert (first.result().success, first.result().message) == (True, "back 4")
     assert not second.result().success
 
-    until(lambda: any(text == "ball over" for m in told for _, _, text, _ in read_status(m)), probe)
+    until(lambda: any(t.event is Event.BALL_OVER for m in told for t in read_status(m)), probe)
     frames = sorted({seconds(m.header.stamp) for m in images})
     assert len(frames) > 15
     assert np.diff(frames) == pytest.approx(1 / 900, abs=1e-6)  # s; nothing was lost either
@@ -57,7 +57,7 @@ def test_at_a_rate_it_launches_by_itself(start, probe, until):
     asked = client.call_async(Trigger.Request())
 
     def over():
-        return [values for m in told for _, _, text, values in read_status(m) if text == "ball over"]
+        return [t.values for m in told for t in read_status(m) if t.event is Event.BALL_OVER]
 
     until(lambda: asked.done() and len(over()) >= 4, probe)
     assert not asked.result().success
@@ -78,8 +78,8 @@ def test_cameras_of_a_world_lose_and_stamp_frames_as_it_says(start, probe, until
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
     client.call_async(Trigger.Request())
-    until(lambda: any(text == "ball over" for m in told for _, _, text, _ in read_status(m)), probe)
-    (values,) = [values for m in told for _, _, text, values in read_status(m) if text == "ball over"]
+    until(lambda: any(t.event is Event.BALL_OVER for m in told for t in read_status(m)), probe)
+    (values,) = [t.values for m in told for t in read_status(m) if t.event is Event.BALL_OVER]
     after = np.array([seconds(m.header.stamp) for m in images]) - json.loads(values["launched"])[0] - 0.5
     assert np.all((after > 0.0) & (after < 0.2))  # s, while the ball is in view, by a clock half a second ahead
     whole = 2 * (1 + round(900 * (after.max() - after.min())))
@@ -104,7 +104,7 @@ def test_the_wide_cameras_tell_where_they_see_the_ball(start, probe, until):
     until(client.service_is_ready, probe)
     until(lambda: probe.count_publishers("/sim/ball") == 1 and probe.count_publishers("/camera/wide_right/ball") == 1, probe)
     client.call_async(Trigger.Request())
-    until(lambda: any(text == "ball over" for m in told for _, _, text, _ in read_status(m)), probe)
+    until(lambda: any(t.event is Event.BALL_OVER for m in told for t in read_status(m)), probe)
     left, right = seen.values()
     balls = [ball_from_message(m) for m in truth]
     both = sorted(t for t in left.keys() & right.keys() if balls[0].time < t < balls[-1].time)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from refusals import refused
 from tt_tools import packages
 from tt_tools.launch import REFUSED, RESTARTS, LaunchError, Process, System, arguments, processes, read, substitute
 
@@ -70,7 +71,7 @@ def test_a_condition_decides(file):
     left, spare = processes(file(NODE), {"spare": "true"})
     assert (left.name, left.respawn, left.respawn_max_retries) == ("left", False, -1)
     assert (spare.name, spare.respawn, spare.respawn_delay, spare.respawn_max_retries) == ("spare", True, 2.5, 3)
-    with pytest.raises(LaunchError, match="'maybe', neither true nor false"):
+    with refused(LaunchError, "maybe"):
         processes(file(NODE), {"spare": "maybe"})
 
 
@@ -102,29 +103,29 @@ def test_one_argument_opens_the_graph_to_other_machines(name, sees):
 
 
 @pytest.mark.parametrize(
-    "text, reason",
+    "text, named",
     [
-        ("launch: [{group: []}]", "'group' is none of arg, set_env, node, executable"),
-        ("launch: [{node: {pkg: a, exec: b, respwan: true}}]", "node has no respwan; it has"),
-        ("launch: [{arg: {name: a, default: 1.0}}]", "default of a must be a quoted string, got 1.0"),
-        ("launch: [{arg: {name: a, description: why}}]", r"needs a:= \(why\)"),
-        ("launch: [{executable: {cmd: ls, on_exit: respawn}}]", "on_exit can only be shutdown"),
-        ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: ''}]}}]", "parameter c of b is empty"),
-        ("launch: [{node: {pkg: a, exec: b, respawn_delay: '1.0'}}]", "respawn_delay must be a number such as 1.0"),
-        ("launch: [{node: {pkg: a, exec: b, respawn_delay: -1.0}}]", "and not negative, got -1.0"),
-        ("launch: [{node: {pkg: a, exec: b, respawn_max_retries: many}}]", "must be a whole number, got 'many'"),
-        ("launch: [{node: {pkg: a, exec: b, respawn: perhaps}}]", "'perhaps', neither true nor false"),
-        ("nodes: []", "is no launch file"),
-        ("launch: [", "is no launch file"),
+        ("launch: [{group: []}]", ("group", "arg", "set_env", "node", "executable")),
+        ("launch: [{node: {pkg: a, exec: b, respwan: true}}]", ("node", "respwan", "respawn")),
+        ("launch: [{arg: {name: a, default: 1.0}}]", ("a", 1.0)),
+        ("launch: [{arg: {name: a, description: why}}]", ("a", "why")),
+        ("launch: [{executable: {cmd: ls, on_exit: respawn}}]", ("on_exit", "respawn")),
+        ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: ''}]}}]", ("c", "b")),
+        ("launch: [{node: {pkg: a, exec: b, respawn_delay: '1.0'}}]", ("respawn_delay", "1.0")),
+        ("launch: [{node: {pkg: a, exec: b, respawn_delay: -1.0}}]", ("respawn_delay", -1.0)),
+        ("launch: [{node: {pkg: a, exec: b, respawn_max_retries: many}}]", ("respawn_max_retries", "many")),
+        ("launch: [{node: {pkg: a, exec: b, respawn: perhaps}}]", ("perhaps",)),
+        ("nodes: []", ("launch.yaml",)),
+        ("launch: [", ("launch.yaml",)),
     ],
 )
-def test_a_bad_file_says_what_is_wrong(file, text, reason):
-    with pytest.raises(LaunchError, match=reason):
+def test_a_bad_file_says_what_is_wrong(file, text, named):
+    with refused(LaunchError, *named):
         processes(file(text))
 
 
 def test_an_unknown_argument_names_the_known_ones(file):
-    with pytest.raises(LaunchError, match="has no argument sped; it has speed, spare"):
+    with refused(LaunchError, "sped", "speed", "spare"):
         processes(file(NODE), {"sped": "1"})
 
 
@@ -219,7 +220,7 @@ def test_who_does_not_listen_is_killed(monkeypatch):
 def test_what_cannot_start_stops_the_rest():
     told = []
     with (
-        pytest.raises(LaunchError, match="two does not start"),
+        refused(LaunchError, "two", "/no/such/program"),
         System([Process("one", python("import time; time.sleep(600)")), Process("two", ("/no/such/program",))], told.append),
     ):
         pass

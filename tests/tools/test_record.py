@@ -14,6 +14,7 @@ import yaml
 from bagforms import FORMS
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from refusals import refused
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from tt_core.ros.bags import TYPES, Bag, BagError
@@ -91,10 +92,10 @@ def test_the_metadata_is_that_of_rosbag2(bag):
 
 
 def test_an_existing_directory_and_an_unknown_type_are_refused(bag, tmp_path):
-    with pytest.raises(BagError, match="exists"):
+    with refused(BagError, bag):
         Recording(bag)
     recording = Recording(tmp_path / "other")
-    with pytest.raises(BagError, match="/a has the unknown type my_msgs/msg/Own"):
+    with refused(BagError, "/a", "my_msgs/msg/Own"):
         recording.add_topic("/a", "my_msgs/msg/Own", [])
     recording.close()
 
@@ -108,7 +109,7 @@ def test_a_cut_recording_is_saved_up_to_the_last_whole_chunk(tmp_path, part):
     (bag / "metadata.yaml").unlink()
     with file.open("r+b") as stream:
         stream.truncate(int(part * file.stat().st_size))
-    with pytest.raises(BagError, match="ros2 bag reindex"):
+    with refused(BagError, bag):
         Bag(bag)
 
     summary = reindex(bag)
@@ -128,7 +129,7 @@ def test_nothing_to_save_is_told_and_left_as_it_is(tmp_path):
     (file,) = bag.glob("*.mcap")
     with file.open("r+b") as stream:
         stream.truncate(100)
-    with pytest.raises(BagError, match="no whole chunk"):
+    with refused(BagError, bag):
         reindex(bag)
     assert file.stat().st_size == 100
     assert {path.name for path in bag.iterdir()} == {"bag.mcap", "metadata.yaml"}
@@ -149,9 +150,9 @@ def test_a_recording_whose_metadata_is_lost_is_saved_whole(tmp_path):
 def test_what_cannot_be_reindexed_says_so(tmp_path):
     write(tmp_path / "bag", 10)
     (tmp_path / "bag" / "bag.mcap").rename(tmp_path / "bag" / "bag.mcap.zstd")
-    with pytest.raises(BagError, match=r"only MCAP files can be reindexed, not bag.mcap.zstd"):
+    with refused(BagError, "bag.mcap.zstd"):
         reindex(tmp_path / "bag")
-    with pytest.raises(BagError, match="there is no file or folder"):
+    with refused(BagError, tmp_path / "nothing"):
         reindex(tmp_path / "nothing")
 
 
@@ -266,7 +267,7 @@ def test_a_full_disk_is_told_and_what_was_taken_is_kept(tmp_path, reserve):
 
 
 def test_a_disk_that_is_full_from_the_start_is_refused(tmp_path):
-    with pytest.raises(BagError, match=r"cannot record to .*bag: .*less than 1099511627776 bytes would stay free"):
+    with refused(BagError, tmp_path / "bag", 2**40):
         Recording(tmp_path / "bag", reserve_bytes=2**40)
 
 
@@ -300,7 +301,7 @@ def test_a_disk_that_never_answers_is_left(tmp_path, monkeypatch):
     recording, gate = begin(tmp_path / "bag"), threading.Event()
     monkeypatch.setattr(recording._bag, "write", lambda *sample: gate.wait(60.0))
     fill(recording, lambda: recording.state().queued > 1_000_000)
-    with pytest.raises(BagError, match=r"has no index \(the disk has not answered for 0.2 s\); ros2 bag reindex"):
+    with refused(BagError, tmp_path / "bag", 0.2):
         recording.close()
     gate.set()
 
@@ -327,7 +328,7 @@ def test_a_disk_that_fails_is_told_and_what_was_written_can_be_saved(tmp_path, m
     monkeypatch.setattr(recording._bag, "write", fail)
     fill(recording, lambda: recording.state().trouble == "the disk failed: [Errno 5] Input/output error")
     wait(lambda: recording.state().dropped.get("/image", 0) > 0)
-    with pytest.raises(BagError, match=r"has no index \(the disk failed: \[Errno 5\] Input/output error\); ros2 bag reindex"):
+    with refused(BagError, tmp_path / "bag", "Errno 5"):
         recording.close()
     assert reindex(tmp_path / "bag").counts["/image"] >= 40
 

@@ -1,6 +1,7 @@
 """The words of the command line."""
 
 import pytest
+from refusals import refused
 from tt_tools import packages, ros2
 from tt_tools.packages import NotFound
 
@@ -26,34 +27,34 @@ def test_words_are_understood(words, expected):
 
 
 @pytest.mark.parametrize(
-    "words, reason",
+    "words, named",
     [
-        ("fly", "invalid choice: 'fly' (choose from"),
-        ("bag rewind", "invalid choice: 'rewind' (choose from"),
-        ("bag play bag --rate 0", "0 is not positive"),
-        ("bag play bag -m /a", "/a is not OLD:=NEW"),
+        ("fly", "fly"),
+        ("bag rewind", "rewind"),
+        ("bag play bag --rate 0", "0"),
+        ("bag play bag -m /a", "/a"),
     ],
 )
-def test_wrong_words_name_the_choices(words, reason, capsys):
-    with pytest.raises(SystemExit, match="2"):
+def test_wrong_words_name_the_choices(words, named, capsys):
+    with refused(SystemExit, 2):
         ros2.main(words.split())
-    assert reason in capsys.readouterr().err
+    assert named in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    "words, reason",
+    "words, named",
     [
-        ("launch no/such.launch.yaml", "no launch file no/such.launch.yaml"),
-        ("run tt_brinup x", "no package 'tt_brinup'; there is tt_bringup"),
-        ("bag record", "give either topics or -a"),
-        ("bag info /no/such", "there is no file or folder"),
-        ("bag reindex /no/such", "there is no file or folder"),
+        ("launch no/such.launch.yaml", "no/such.launch.yaml"),
+        ("run tt_brinup x", "tt_brinup"),
+        ("bag record", "-a"),
+        ("bag info /no/such", "/no/such"),
+        ("bag reindex /no/such", "/no/such"),
     ],
 )
-def test_what_is_not_there_is_told_in_one_line(words, reason, capsys, prefix):
+def test_what_is_not_there_is_told_in_one_line(words, named, capsys, prefix):
     assert ros2.main(words.split()) == 1
     told = capsys.readouterr().err
-    assert reason in told and told.count("\n") == 1
+    assert named in told and told.count("\n") == 1
 
 
 @pytest.fixture
@@ -69,13 +70,13 @@ def prefix(tmp_path, monkeypatch):
 def test_packages_are_found_by_the_ament_index(prefix):
     assert packages.executable("tt_bringup", "some_node") == prefix / "lib/tt_bringup/some_node"
     assert packages.launch_file("tt_bringup", "some.launch.yaml") == prefix / "share/tt_bringup/launch/some.launch.yaml"
-    with pytest.raises(NotFound, match="no executable in tt_bringup 'some'; there is some_node"):
+    with refused(NotFound, "tt_bringup", "some", "some_node"):
         packages.executable("tt_bringup", "some")
-    with pytest.raises(NotFound, match=r"there is some\.launch\.yaml"):
+    with refused(NotFound, "sim.launch.yaml", "some.launch.yaml"):
         packages.launch_file("tt_bringup", "sim.launch.yaml")
 
 
 @pytest.mark.parametrize("name", ["no_msgs/msg/Such", "std_srvs/srv/Trigge", "Trigger", ""])
 def test_an_unknown_type_is_told(name):
-    with pytest.raises(NotFound, match="no message or service type"):
+    with refused(NotFound, name):
         packages.interface(name)

@@ -1,3 +1,5 @@
+"""Installs tt_arm."""
+
 from setuptools import find_packages, setup
 
 setup(

@@ -1,3 +1,5 @@
+"""Installs tt_bringup."""
+
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -6,6 +8,7 @@ here = Path(__file__).parent
 
 
 def files(folder):
+    """Return the paths of all files in a folder."""
     return [str(path.relative_to(here)) for path in sorted((here / folder).iterdir())]
 
 

@@ -1,3 +1,5 @@
+"""Installs tt_eval."""
+
 from setuptools import find_packages, setup
 
 setup(

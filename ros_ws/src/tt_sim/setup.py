@@ -1,3 +1,5 @@
+"""Installs tt_sim."""
+
 from setuptools import find_packages, setup
 
 setup(

@@ -1,3 +1,5 @@
+"""Installs tt_vision."""
+
 from setuptools import find_packages, setup
 
 setup(

@@ -25,7 +25,7 @@ from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
@@ -172,7 +172,7 @@ class ArmNode(Node):
     def send(self, step: Step) -> None:
         self.commands.publish(Float64MultiArray(data=step.command.tolist()))
         if step.begun is not None:
-            self.status.tell("first command", stamp=self.frame_time)
+            self.status.tell(Event.FIRST_COMMAND, stamp=self.frame_time)
         if step.interrupted:  # the stroke may still be made from where the arm is now
             self.strokes = self.strokes or self.planned
             self.arrival.set()
@@ -207,16 +207,16 @@ class ArmNode(Node):
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=failure)
+            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, chosen=-1, reasons=failure)
             return
         choice = self.control.take(strokes_from_message(message))
         reasons = "; ".join(choice.reasons)
         if choice.swing is None or choice.reach is None:
-            self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=reasons)
+            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, chosen=-1, reasons=reasons)
             return
         self.frame_time = stamp
         self.status.tell(
-            "swing",
+            Event.SWING,
             stamp=stamp,
             chosen=choice.index,
             strike=f"{choice.swing.strike_time:.6f}",

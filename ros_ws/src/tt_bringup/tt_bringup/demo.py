@@ -1,6 +1,6 @@
-"""The whole robot against the simulated catapult: starts the graph, launches balls, prints a line for each, records everything.
+"""Play the whole robot against the simulated catapult: start the graph, launch balls, print a line for each, record everything.
 
-Run by scripts/demo. Plays the operator: asks for a return, launches, and looks at what the nodes tell; it never talks to a node in between.
+Run by scripts/demo. The demo acts as the operator: it sets the goal of the return, launches, and reads what the nodes tell.
 """
 
 from __future__ import annotations
@@ -8,12 +8,15 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import signal
+import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import rclpy
@@ -27,11 +30,11 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, goal_to_message, seconds
-from tt_core.ros.diagnostics import read_status
+from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.states import BallState, ReturnGoal
 from tt_racket.goal import GoalParams, default_goal
-from tt_tools import launch, packages
+from tt_tools import launch
 
 from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line
 from .report import page
@@ -39,6 +42,16 @@ from .report import page
 READY = 90.0  # s until every node must be there; a cold start loads compiled kernels
 BALL = 10.0  # s, simulated, from a launch to the end of the ball
 LONGEST_REST = 3.0  # s, simulated, from the end of a ball to the next launch
+SERVICE = 10.0  # s for the answer of a service
+ENDING = 30.0  # s for the launch to end its nodes
+NODES = {"record", "sim", "estimate", "predict", "racket", "arm"}
+LINKS = {  # subscribers that each topic must have
+    "/camera/left/image_raw": 2,
+    "/camera/right/image_raw": 2,
+    "/ball/measured": 3,
+    "/ball/path": 2,
+    "/racket/strokes": 2,
+}
 SPINS = {"top": (0, -1, 0), "back": (0, 1, 0), "left": (0, 0, -1), "right": (0, 0, 1)}  # axis of each kind of shot
 
 
@@ -61,61 +74,113 @@ class Demo(Node):
         self.create_subscription(JointTrajectory, "/arm/swing", self.on_swing, LATEST)
 
     def forget(self) -> None:
+        """Forget the last ball."""
         self.told, self.measured, self.latency_ms, self.refusal = None, None, None, None
 
     def on_measured(self, message: Odometry) -> None:
+        """Keep the measured ball."""
         self.measured = ball_from_message(message)
 
     def on_swing(self, message: JointTrajectory) -> None:
+        """Keep the time when the arm is back."""
         self.rest = seconds(message.header.stamp) + seconds(message.points[-1].time_from_start)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for time_told, name, text, values in read_status(message):
-            if name == "sim" and text == "ball over":
-                self.told, self.over = values, time_told
-            elif name == "arm" and text == "first command" and self.latency_ms is None:
-                self.latency_ms = float(values["latency_ms"])
+        """Keep the end of the ball, the latency, and the last refusal."""
+        for told in read_status(message):
+            if told.event is Event.BALL_OVER:
+                self.told, self.over = told.values, told.time
+            elif told.event is Event.FIRST_COMMAND and self.latency_ms is None:
+                self.latency_ms = float(told.values["latency_ms"])
         for status in message.status:
             if status.level != status.OK:
                 self.refusal = f"{status.name}: {status.message}"
 
 
-def wait(condition: Callable[[], bool], node: Node, executor: SingleThreadedExecutor, bound: float, what: str) -> None:
-    """Spin until the condition holds; raises TtError after `bound` s."""
-    end = time.monotonic() + bound
-    while not condition():
-        if time.monotonic() > end:
-            raise TtError(f"{what}: not within {bound:g} s")
-        executor.spin_once(timeout_sec=0.02)
+@contextmanager
+def graph(arguments: Sequence[str], log: IO[str]) -> Iterator[subprocess.Popen[str]]:
+    """Start the launch file with the `ros2` that is on the PATH, ours or that of ROS; end it afterwards.
+
+    Args:
+        arguments: Of the launch file, NAME:=VALUE.
+        log: Takes the output of all nodes.
+
+    Yields:
+        The running launch.
+    """
+    ros2 = [found] if (found := shutil.which("ros2")) else [sys.executable, "-m", "tt_tools.ros2"]
+    command = [*launch.GUARD, *ros2, "launch", "tt_bringup", "sim.launch.yaml", *arguments]
+    child = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, text=True)
+    try:
+        yield child
+    finally:
+        child.send_signal(signal.SIGINT)
+        try:
+            child.wait(ENDING)
+        except subprocess.TimeoutExpired:
+            os.killpg(child.pid, signal.SIGKILL)
+            child.wait()
 
 
-def call(client: rclpy.client.Client, request: object, node: Node, executor: SingleThreadedExecutor, what: str) -> str:
-    """The message of a service that succeeds; raises TtError when it refuses."""
-    future = client.call_async(request)
-    wait(future.done, node, executor, 10.0, what)
-    if not future.result().success:
-        raise TtError(f"{what}: {future.result().message}")
-    return str(future.result().message)
+class Waiter:
+    """Spins the demo's node while it waits."""
+
+    def __init__(self, demo: Demo, running: subprocess.Popen[str]) -> None:
+        """Keep node and launch: a launch that has ended ends the waiting."""
+        self._executor, self._running = SingleThreadedExecutor(), running
+        self._executor.add_node(demo)
+
+    def wait(self, condition: Callable[[], bool], bound: float, what: str) -> None:
+        """Spin until the condition holds. Raises TtError after `bound` (s), or when the launch has ended."""
+        end = time.monotonic() + bound
+        while not condition():
+            if time.monotonic() > end:
+                raise TtError(f"{what}: not within {bound:g} s")
+            if self._running.poll() is not None:
+                raise TtError(f"the nodes ended with exit code {self._running.returncode} while waiting for {what}")
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def call(self, client: rclpy.client.Client, request: object) -> str:
+        """Return the message of a service that succeeds. Raises TtError if it refuses or does not answer in time."""
+        future = client.call_async(request)
+        self.wait(future.done, SERVICE, client.srv_name)
+        if not future.result().success:
+            raise TtError(f"{client.srv_name}: {future.result().message}")
+        return str(future.result().message)
 
 
-def play(demo: Demo, executor: SingleThreadedExecutor, balls: int, rtf: float) -> list[DemoMetrics]:
-    """Launch `balls` one after another and print a line for each."""
+def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics]:
+    """Launch balls one after another and print a line for each.
+
+    Args:
+        demo: Collects what the nodes tell.
+        waiter: Spins it.
+        balls: How many.
+        rtf: Simulated seconds in a second.
+
+    Returns:
+        The metrics of each ball.
+
+    Raises:
+        TtError: A ball does not end, or the launcher refuses.
+    """
     scores = []
     for _ in range(balls):
         demo.forget()
-        shot = call(demo.launcher, Trigger.Request(), demo, executor, "/launcher/launch")
+        shot = waiter.call(demo.launcher, Trigger.Request())
         goal: ReturnGoal = default_goal(np.array(SPINS[shot.split()[0]], float), GoalParams())
         demo.asked.publish(goal_to_message(goal, demo.get_clock().now().nanoseconds * 1e-9))
-        wait(lambda: demo.told is not None, demo, executor, 10.0 + BALL / rtf, f"the end of the ball {shot}")
+        waiter.wait(lambda: demo.told is not None, 10.0 + BALL / rtf, f"the end of the ball {shot}")
         assert demo.told is not None
         scores.append(demo_metrics(demo.told, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
         print(line(scores[-1]), flush=True)
         again = time.monotonic() + min(max(demo.rest - demo.over, 0.0), LONGEST_REST) / rtf
-        wait(lambda at=again: time.monotonic() >= at, demo, executor, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]
+        waiter.wait(lambda at=again: time.monotonic() >= at, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]
     return scores
 
 
 def summary(scores: list[DemoMetrics]) -> str:
+    """Return the last line: how many balls were hit and landed, and the largest error of the measured spin."""
     hit, landed = sum(s.hit for s in scores), sum(s.landed for s in scores)
     errors = [s.spin_error_rpm for s in scores if s.spin_error_rpm is not None]
     worst = f"; spin measured within {max(errors):.0f} rpm" if errors else ""
@@ -133,6 +198,7 @@ def free_domain() -> None:
 
 
 def arguments() -> argparse.Namespace:
+    """Read and check the command line."""
     parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
     parser.add_argument("--balls", type=int, default=6, metavar="N", help="how many balls (default 6)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all that is random (default 0)")
@@ -140,60 +206,63 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--rtf", type=float, default=1.0, metavar="R", help="simulated seconds in a second (default 1)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="where to record (default out/demo_<time>)")
     args = parser.parse_args()
-    if args.balls < 1 or not 0.01 <= args.rtf <= 10.0 or args.seed < 0:
-        parser.error(f"--balls {args.balls} must be at least 1, --rtf {args.rtf:g} in [0.01, 10], --seed {args.seed} not negative")
+    for name, value, low, high in (("balls", args.balls, 1, 10**6), ("rtf", args.rtf, 0.01, 10.0), ("seed", args.seed, 0, 2**31)):
+        if not low <= value <= high:
+            parser.error(f"--{name} {value:g} is outside [{low:g}, {high:g}]")
+    args.out = args.out or Path("out") / time.strftime("demo_%Y%m%d_%H%M%S")
+    if (args.out / "bag").exists():
+        parser.error(f"--out {args.out} holds a recording already")
     return args
 
 
+def start(demo: Demo, waiter: Waiter) -> None:
+    """Wait until all nodes are there and hear each other, then enable the arm."""
+    there = lambda: demo.launcher.service_is_ready() and demo.enabler.service_is_ready()  # noqa: E731
+    waiter.wait(lambda: set(demo.get_node_names()) >= NODES and there(), READY, "all nodes")
+    waiter.wait(lambda: all(demo.count_subscribers(topic) >= n for topic, n in LINKS.items()), READY, f"subscribers of {', '.join(LINKS)}")
+    waiter.call(demo.enabler, SetBool.Request(data=True))
+    commands: list[Float64MultiArray] = []  # a command answers a joint state, so both ways are open
+    listening = demo.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", commands.append, LATEST)
+    waiter.wait(lambda: bool(commands), READY, "a command of the arm")
+    demo.destroy_subscription(listening)
+
+
 def main() -> None:
+    """Play the demo and write its recording, page and figures."""
     args = arguments()
-    out = args.out or Path("out") / time.strftime("demo_%Y%m%d_%H%M%S")
+    out = args.out.absolute()
     out.mkdir(parents=True, exist_ok=True)
     free_domain()
-    given = {"rtf": str(args.rtf), "seed": str(args.seed), "use_sim_time": "false" if args.rtf == 1.0 else "true", "physics": "liu"}
-    given["enabled"] = "false"  # it is enabled here, when all nodes are there
-    processes = launch.processes(packages.launch_file("tt_bringup", "sim.launch.yaml"), given)
-    recorder = (str(packages.executable("tt_tools", "record_node")), "--ros-args", "-p", f"output:='{out / 'bag'}'")
-    processes = [launch.Process("record", recorder), *processes]
+    simulated = "false" if args.rtf == 1.0 else "true"
+    given = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu", "record": "true", "output": out / "bag"}
+    given["enabled"] = "false"  # `start` enables the arm when all nodes are there
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     log = (out / "log.txt").open("w", buffering=1)
     try:
-        with ExitStack() as stack:
-            system = stack.enter_context(launch.System(processes, lambda text: print(text, file=log)))
+        with graph([f"{name}:={value}" for name, value in given.items()], log) as running:
             rclpy.init()
-            stack.callback(rclpy.try_shutdown)
-            demo, executor = Demo(), SingleThreadedExecutor()
-            executor.add_node(demo)
-            print(f"starting {len(processes)} nodes on domain {os.environ['ROS_DOMAIN_ID']}", flush=True)
-            nodes = {p.name for p in processes}
-            wait(
-                lambda: nodes <= set(demo.get_node_names()) and demo.launcher.service_is_ready() and demo.enabler.service_is_ready(),
-                demo,
-                executor,
-                READY,
-                "all nodes there",
-            )
-            links = {"/camera/left/image_raw": 2, "/camera/right/image_raw": 2, "/ball/measured": 3, "/ball/path": 2, "/racket/strokes": 2}
-            wait(lambda: all(demo.count_subscribers(t) >= n for t, n in links.items()), demo, executor, READY, f"listeners on {links}")
-            call(demo.enabler, SetBool.Request(data=True), demo, executor, "/arm/enable")
-            answered: list[Float64MultiArray] = []  # a command is the arm's answer to a joint state: both ways are open
-            listening = demo.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", answered.append, LATEST)
-            wait(lambda: bool(answered), demo, executor, READY, "a command of the arm")
-            demo.destroy_subscription(listening)
-            print(HEADER, flush=True)
-            scores = play(demo, executor, args.balls, args.rtf)
+            try:
+                demo = Demo()
+                waiter = Waiter(demo, running)
+                print(f"starting {len(NODES)} nodes on domain {os.environ['ROS_DOMAIN_ID']}", flush=True)
+                start(demo, waiter)
+                print(HEADER, flush=True)
+                scores = play(demo, waiter, args.balls, args.rtf)
+            finally:
+                rclpy.try_shutdown()
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except TtError as error:
-        print(f"demo: {error}; the nodes' own words are in {out / 'log.txt'}", file=sys.stderr)
+        print(f"demo: {error}; the output of the nodes is in {out / 'log.txt'}", file=sys.stderr)
         raise SystemExit(1) from error
     print(summary(scores))
-    (out / "report.html").write_text(page(out / "bag", scores))
-    print(f"recorded: {out / 'bag'}\nfigures:  {out / 'report.html'}")
+    bag, report = args.out / "bag", args.out / "report.html"
+    report.write_text(page(bag, scores))
+    print(f"recorded: {bag}\nfigures:  {report}")
     if args.json:
-        args.json.write_text(json.dumps({"balls": [s.as_dict() for s in scores], "bag": str(out / "bag")}, indent=1) + "\n")
-    if system.failed:
-        print(f"demo: failed: {system.failed}; see {out / 'log.txt'}", file=sys.stderr)
+        args.json.write_text(json.dumps({"balls": [s.as_dict() for s in scores], "bag": str(bag)}, indent=1) + "\n")
+    if running.returncode:
+        print(f"demo: the nodes ended with exit code {running.returncode}; see {out / 'log.txt'}", file=sys.stderr)
         raise SystemExit(1)
 
 

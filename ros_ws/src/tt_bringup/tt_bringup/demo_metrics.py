@@ -16,33 +16,57 @@ SEEN_WITHIN = 0.5  # s from the launch to the last frame of its measurement
 
 @dataclass(frozen=True)
 class DemoMetrics:
-    """Of one ball; what did not happen is None. Spins: rad/s. hit_place: m, the ball's centre at the racket."""
+    """What one ball was, what was measured and asked of it, and what it did; None for what did not happen.
+
+    Attributes:
+        kind: Kind and scale of the shot.
+        seen: Whether it was measured.
+        hit: Whether the racket hit it.
+        landed: Whether it came down on the opponent's half.
+        reason: Why it was not returned.
+        speed_true: m/s, at the time of the measurement.
+        speed_measured: m/s.
+        spin_true: (3,) rad/s, at the time of the measurement.
+        spin_measured: (3,) rad/s.
+        spin_error_rpm: rpm, length of the difference of both.
+        hit_place: (3,) m, centre of the ball at the racket.
+        hit_error_m: m, from the centre of the racket's face.
+        landing_asked: (2,) m.
+        landing_reached: (2,) m.
+        flight_time_asked: s, from racket to landing.
+        time_error_s: s, reached minus asked.
+        return_spin_asked: (2,) rad/s, about y and z.
+        return_spin_reached: (2,) rad/s, about y and z.
+        latency_ms: ms, from the last frame to the first joint command.
+    """
 
     kind: str
     seen: bool
     hit: bool
     landed: bool
     reason: str | None
-    speed_true: float | None  # m/s, at the time of the measurement
+    speed_true: float | None
     speed_measured: float | None
     spin_true: list[float]
     spin_measured: list[float] | None
     spin_error_rpm: float | None
     hit_place: list[float] | None
-    hit_error_m: float | None  # from the centre of the racket's face
+    hit_error_m: float | None
     landing_asked: list[float]
     landing_reached: list[float] | None
     flight_time_asked: float
     time_error_s: float | None
-    return_spin_asked: list[float]  # y, z
+    return_spin_asked: list[float]
     return_spin_reached: list[float] | None
-    latency_ms: float | None  # from the last frame to the first joint command
+    latency_ms: float | None
 
     def as_dict(self) -> dict[str, object]:
+        """Return all of it by name."""
         return asdict(self)
 
 
 def _ball(text: str) -> BallState | None:
+    """Return a ball from its JSON row [time, position, velocity, spin], None from null."""
     row = json.loads(text)
     return BallState.from_vector(row[0], np.array(row[1:])) if row else None
 
@@ -55,7 +79,16 @@ def demo_metrics(
     refusal: str | None,
     air: Aerodynamics,
 ) -> DemoMetrics:
-    """told: what the simulator tells on /diagnostics of a ball that is over. refusal: the last complaint of the robot about it."""
+    """Return the metrics of a ball that is over.
+
+    Args:
+        told: What the simulator told of the ball on /diagnostics.
+        goal: What was asked of its return.
+        measured: The last measured ball, which may be of an earlier flight; None without any.
+        latency_ms: ms, from the last frame to the first joint command; None without a command.
+        refusal: The last warning of the robot during the flight, or None.
+        air: The true air.
+    """
     launched, hit, after, landing = (_ball(told[key]) for key in ("launched", "hit", "after_hit", "landing"))
     assert launched is not None
     if measured and not launched.time < measured.time < launched.time + SEEN_WITHIN:
@@ -106,7 +139,7 @@ HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS
 
 
 def line(s: DemoMetrics) -> str:
-    """One line under HEADER; what did not happen stays blank, and the reason stands at the end."""
+    """Return one line under HEADER; what did not happen stays blank, and the reason stands at the end."""
 
     def places(v: list[float] | None, form: str, between: str = " ") -> str:
         return "" if v is None else between.join(format(x + 0.0, form) for x in v)

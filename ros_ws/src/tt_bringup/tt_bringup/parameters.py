@@ -19,6 +19,7 @@ import rclpy
 import yaml
 from domain_coordinator import domain_id
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from tt_core.ros.params import describe
@@ -114,10 +115,12 @@ def collect() -> dict[str, list[Declared]]:
         given = {"camera": ["--ros-args", "-p", f"path:={folder}"]}
         started = [subprocess.Popen([executable(*place), *given.get(name, ())]) for name, place in NODES.items()]
         rclpy.init()
-        node = rclpy.create_node("parameters")
+        node, executor = rclpy.create_node("parameters"), SingleThreadedExecutor()
+        executor.add_node(node)
         try:
             nodes = {name: ask(node, name) for name in NODES}
         finally:
+            executor.shutdown()
             node.destroy_node()
             rclpy.try_shutdown()
             for process in started:

@@ -1,4 +1,4 @@
-"""A page of figures of a recorded run: python -m tt_bringup.report BAG [FILE]."""
+"""Write a page of figures of a recorded run: python -m tt_bringup.report BAG [FILE]."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ def read(path: Path) -> dict[str, list[Any]]:
 
 
 def balls(messages: Sequence[Any]) -> list[np.ndarray]:
-    """True balls one by one: (n, 4) time s, x, y, z m."""
+    """Return the true balls one by one, each (n, 4): time s, x, y, z m."""
     rows = np.array([[_seconds(m.header.stamp), *_xyz(m.pose.pose.position)] for m in messages]).reshape(-1, 4)
     return np.split(rows, np.flatnonzero(np.diff(rows[:, 0]) > PAUSE) + 1) if len(rows) else []
 
 
 def flights(found: dict[str, list[Any]]) -> go.Figure:
-    """Every ball from the side and from above: true, predicted, asked."""
+    """Draw every ball from the side and from above: true, predicted, asked."""
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08, subplot_titles=("from the side", "from above"))
     figure.add_shape(type="line", x0=0, x1=TABLE_LENGTH, y0=0, y1=0, line={"color": "#1b5e9b", "width": 4}, row=1, col=1)
     figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=0, y1=NET_HEIGHT, line={"color": "#444", "width": 2}, row=1, col=1)
@@ -83,7 +83,7 @@ def flights(found: dict[str, list[Any]]) -> go.Figure:
 
 
 def joints(found: dict[str, list[Any]]) -> go.Figure:
-    """The last swing: planned and measured angle of each joint around the strike, as dissertation Figures 4.11 to 4.14."""
+    """Draw planned and measured angle of each joint in the last swing, as dissertation Figures 4.11 to 4.14."""
     figure = make_subplots(rows=4, cols=2, shared_xaxes=True)
     swings = found["arm/swing"]
     states = found["joint_states"]
@@ -106,12 +106,12 @@ def joints(found: dict[str, list[Any]]) -> go.Figure:
 
 
 def latencies(found: dict[str, list[Any]]) -> go.Figure:
-    """Of each stage, from the middle of the last frame's exposure."""
+    """Draw the latency of each stage, from the middle of the exposure of the last frame."""
     of: dict[str, list[float]] = {stage: [] for stage in STAGES}
     for message in found["diagnostics"]:
         for status in message.status:
             told = {v.key: v.value for v in status.values}
-            if status.name in of and "latency_ms" in told and status.message != "swing":
+            if status.name in of and "latency_ms" in told and "strike" not in told:
                 of[status.name].append(float(told["latency_ms"]))
     figure = go.Figure([go.Box(y=values, name=stage, boxpoints="all") for stage, values in of.items()])
     return figure.update_layout(title="Latency since the last frame", yaxis_title="ms", showlegend=False, height=420)
@@ -153,6 +153,7 @@ def page(bag: Path, scores: Sequence[DemoMetrics] = ()) -> str:
 
 
 def main() -> None:
+    """Write the page."""
     if len(sys.argv) not in (2, 3):
         raise SystemExit(__doc__)
     bag = Path(sys.argv[1])

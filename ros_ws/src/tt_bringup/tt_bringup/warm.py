@@ -44,6 +44,7 @@ def flights(ball: BallState, physics: Physics) -> BallPath:
 
 
 def main() -> None:
+    """Compile in two processes."""
     physics, (ball, _) = Physics.liu(), _launched()
     path = flights(ball, physics)
     beside = multiprocessing.get_context("spawn").Process(target=images)

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.params import check, param
 from tt_core.ros.convert import ball_from_message, path_to_message
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
@@ -62,7 +62,7 @@ class PredictNode(Node):
         except TtError as error:
             self.refused(error)
             return
-        self.status.tell("path", stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
+        self.status.tell(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
         """How uncertain the ball is where its path stops: standard deviations, and the covariance of time, position, velocity, spin."""

@@ -10,7 +10,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.params import check, param
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
@@ -86,7 +86,7 @@ class RacketNode(Node):
             return
         why = sorted({reason for _, reason in found.refused}) or ["the path has no point in the window"] * (not rackets)
         given = found.given[0] if found.given else ""
-        self.status.tell("strokes", stamp=path.times[0], warn=not rackets, found=len(rackets), given=given, refused="; ".join(why))
+        self.status.tell(Event.STROKES, stamp=path.times[0], warn=not rackets, found=len(rackets), given=given, refused="; ".join(why))
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ from tt_core.ros.convert import (
     racket_to_message,
     stamp,
 )
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
@@ -251,7 +251,7 @@ class SimNode(Node):
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
         """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""
         self.busy.clear()
-        self.status.tell("ball over", number=launch.number, shot=launch.shot, **outcome.to_text())
+        self.status.tell(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
 
     def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
         """Publish what `convert` makes of the values, in the message that was published there last."""

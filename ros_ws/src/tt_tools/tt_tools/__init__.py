@@ -1,1 +1,1 @@
-"""What the wheels lack of ros2cli, launch and rosbag2: the ros2 command, launch runner, recorder and player."""
+"""Stand-ins for ros2cli, launch and rosbag2 on machines without ROS: a ros2 command, a launch runner, a recorder and a player."""

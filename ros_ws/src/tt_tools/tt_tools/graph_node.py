@@ -1,4 +1,7 @@
-"""Looks at the graph: who is there, what flows. Names that begin with _ are hidden, as are those of the looking nodes."""
+"""Topics, nodes, messages and services of the running graph, for the ros2 command.
+
+Names that begin with _ are hidden, as are the nodes that look at the graph here.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,10 @@ import yaml
 from rclpy.node import Node
 from tt_core.errors import TtError
 from tt_core.ros.node_main import run
+from tt_core.ros.qos import compatible
 
 from .packages import interface
-from .record_node import matching_qos
+from .record_node import ALL
 
 DISCOVERY = 2.0  # s until all are known: with config/fastdds.xml it took up to 0.8 s between two processes of an idle machine
 
@@ -27,7 +31,7 @@ def _topics(node: Node) -> dict[str, list[str]]:
 
 @contextmanager
 def _graph() -> Iterator[Node]:
-    """A node that has discovered the others."""
+    """Yield a node that has discovered the others."""
     rclpy.init(args=[])
     node = rclpy.create_node("_ros2_graph", enable_rosout=False, start_parameter_services=False)
     try:
@@ -38,19 +42,19 @@ def _graph() -> Iterator[Node]:
 
 
 def topics() -> dict[str, list[str]]:
-    """The types of each topic."""
+    """Return the types of each topic by its name."""
     with _graph() as node:
         return _topics(node)
 
 
 def nodes() -> list[str]:
-    """The full name of each node."""
+    """Return the full names of all nodes, sorted."""
     with _graph() as node:
         return sorted(name for name in node.get_fully_qualified_node_names() if "/_" not in name)
 
 
 def plain(value: Any) -> Any:
-    """A message as what YAML can write."""
+    """Return a message as dictionaries, lists and numbers, which YAML can write."""
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if hasattr(value, "tolist"):
@@ -61,9 +65,10 @@ def plain(value: Any) -> Any:
 
 
 class _Listener(Node):
-    """Gives the messages of the one topic `name` to `on_message`; raises TtError if nobody publishes it."""
+    """Subscribes to one topic, whatever its type and quality of service."""
 
     def __init__(self, name: str, on_message: Callable[[Any], None], *, raw: bool = False) -> None:
+        """Subscribe to `name`; raw messages are bytes. Raises TtError if nobody publishes it."""
         super().__init__("_ros2_listener", enable_rosout=False, start_parameter_services=False)
         topic, end = self.resolve_topic_name(name), time.monotonic() + 5 * DISCOVERY
         while not (offered := self.get_publishers_info_by_topic(topic)):
@@ -71,11 +76,11 @@ class _Listener(Node):
                 raise TtError(f"nobody publishes {topic}; there is {', '.join(_topics(self))}")
             time.sleep(0.05)
         kind = interface(offered[0].topic_type)
-        self.create_subscription(kind, topic, on_message, matching_qos([info.qos_profile for info in offered]), raw=raw)
+        self.create_subscription(kind, topic, on_message, compatible(ALL, [info.qos_profile for info in offered]), raw=raw)
 
 
 def echo(topic: str, once: bool = False) -> None:
-    """Prints the messages of `topic` as YAML documents until it is interrupted, or only one."""
+    """Print the messages of a topic as YAML documents, until it is interrupted or after the first if `once`."""
 
     def tell(message: Any) -> None:
         if not rclpy.ok():
@@ -88,7 +93,7 @@ def echo(topic: str, once: bool = False) -> None:
 
 
 def rate(topic: str, window: int) -> None:
-    """Prints the rate of `topic` over its last `window` messages, every second until it is interrupted."""
+    """Print the rate of a topic over its last `window` messages, every second until it is interrupted."""
     times: deque[float] = deque(maxlen=window + 1)
 
     def tell() -> None:
@@ -108,7 +113,16 @@ def rate(topic: str, window: int) -> None:
 
 
 def call(service: str, kind: str, values: str) -> None:
-    """Calls `service` with the YAML mapping `values` as its request and prints the response."""
+    """Call a service and print its response.
+
+    Args:
+        service: Its name.
+        kind: Its type, e.g. std_srvs/srv/Trigger.
+        values: The request as a YAML mapping.
+
+    Raises:
+        TtError: Nobody serves it, or `values` is no request of that type.
+    """
     server = interface(kind)
     try:
         request = server.Request(check_fields=True, **(yaml.safe_load(values) or {}))

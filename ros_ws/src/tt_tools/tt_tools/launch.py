@@ -82,7 +82,11 @@ class Process:
 
 
 def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """(kind, keys) of each entry of a launch file. Raises LaunchError for what is no launch file or not in our part of the language."""
+    """Return kind and keys of each entry of a launch file.
+
+    Raises:
+        LaunchError: The file is no launch file, or uses a part of the language that is not supported here.
+    """
     try:
         entries = yaml.safe_load(path.read_text())["launch"]
         found = [next(iter(entry.items())) for entry in entries if len(entry) == 1]
@@ -97,6 +101,7 @@ def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
 
 
 def arguments(path: Path) -> list[Argument]:
+    """Return the arguments that a launch file declares. Raises LaunchError for what is no launch file."""
     return [Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read(path) if kind == "arg"]
 
 
@@ -108,7 +113,17 @@ def is_true(text: str) -> bool:
 
 
 def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quote: Callable[[str], str] = str) -> str:
-    """`text` with its substitutions replaced by their values, each passed through `quote`. Raises LaunchError."""
+    """Replace the substitutions in a text.
+
+    Args:
+        text: With substitutions such as $(var name).
+        values: Of the arguments of the launch file.
+        folder: Of the launch file, for $(dirname).
+        quote: Is applied to each value.
+
+    Raises:
+        LaunchError: A substitution is unknown, has no value, or is not closed.
+    """
 
     def value(match: re.Match[str]) -> str:
         word, given = match[1], _OPERAND.findall(match[2])
@@ -139,7 +154,16 @@ def parameter_file(name: str) -> str:
 
 
 def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Process]:
-    """What the launch file starts with the arguments `given`. Raises LaunchError or NotFound before anything runs."""
+    """Return the processes that a launch file starts.
+
+    Args:
+        path: The launch file.
+        given: Values of its arguments by name.
+
+    Raises:
+        LaunchError: The file or an argument cannot be used.
+        NotFound: A package or an executable is not installed.
+    """
     path, given = Path(path).absolute(), given or {}
     declared = {argument.name: argument for argument in arguments(path)}
     if unknown := given.keys() - declared.keys():
@@ -221,7 +245,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
 
 
 class System:
-    """Running processes, each in a process group of its own, their output told line by line with their names before it.
+    """Running processes, each in a session of its own; their output is passed on line by line with their names before it.
 
     As a context manager it leaves none of them behind. They also end with the thread that enters it. Processes are started again by `wait`.
     """
@@ -260,11 +284,11 @@ class System:
             thread.start()
 
     def interrupt(self) -> None:
-        """Ends `wait`, or hastens `stop`; may be called by a signal handler."""
+        """End `wait`, or shorten `stop`. A signal handler may call it."""
         self._events.put(None)
 
     def _next(self, timeout: float | None) -> bool:
-        """Take one event; False when none came within `timeout` (s) or it was an interrupt."""
+        """Handle one event. Return False if none came within `timeout` (s), or if it was an interrupt."""
         try:
             event = self._events.get(timeout=timeout)
         except queue.Empty:
@@ -292,7 +316,7 @@ class System:
         self._over = self._over or process.required
 
     def _restart(self, process: Process, code: int) -> bool:
-        """Start a process again that has ended with exit code `code`; False if it stays as it is."""
+        """Schedule the restart of a process that ended with exit code `code`. Return False if it is not started again."""
         now, times = time.monotonic(), self._restarts.setdefault(process.name, [])
         often = sum(now - at < WITHIN for at in times) >= RESTARTS
         if often or code == REFUSED:
@@ -310,7 +334,16 @@ class System:
         return True
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Until a required process ended, all ended, one was given up or `interrupt` was called. timeout: s; False when it passed first."""
+        """Wait for the end of the system, and restart processes meanwhile.
+
+        The end is that of a required process, of all processes, of one that died too often, or a call of `interrupt`.
+
+        Args:
+            timeout: s.
+
+        Returns:
+            False if the timeout passed first.
+        """
         end = None if timeout is None else time.monotonic() + timeout
         while (self._running or self._pending) and not self._over:
             if not self._next(None if end is None else max(0.0, end - time.monotonic())) and not self._over:
@@ -323,7 +356,7 @@ class System:
             os.killpg(child.pid, number)
 
     def stop(self) -> None:
-        """Asks all to end, then insists."""
+        """End all processes: by SIGINT, after PATIENCE by SIGTERM, after PATIENCE again by SIGKILL."""
         self._stopping = True
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             for child, process in self._running.items():
@@ -350,7 +383,7 @@ class System:
 
 
 def run(processes: Sequence[Process]) -> int:
-    """Runs all until the end or a signal; 0 unless one failed. Only for the main thread."""
+    """Run processes until they end or a signal comes, and return the exit code: 1 if one of them failed. For the main thread only."""
     system = System(processes)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: system.interrupt())

@@ -39,7 +39,7 @@ class ParameterClient:
         """Connect to a node.
 
         Args:
-            node: Asks the questions; it is spun while they are answered.
+            node: Asks the questions; its executor is spun while they are answered.
             name: Of the node asked, e.g. /arm.
             patience: s, for it to be there and for each answer.
 
@@ -47,10 +47,6 @@ class ParameterClient:
             TtError: It is not there in time.
         """
         self._node, self.name, self._patience = node, "/" + name.lstrip("/"), patience
-        self._executor = node.executor
-        if self._executor is None:
-            self._executor = SingleThreadedExecutor(context=node.context)  # the node holds it weakly
-            self._executor.add_node(node)
         self._client = AsyncParameterClient(node, self.name)
         if not self._client.wait_for_services(patience):
             raise TtError(f"no node {self.name} with parameters")
@@ -80,7 +76,8 @@ class ParameterClient:
                 raise TtError(f"{self.name} refuses {parameter.name} = {parameter.value}: {result.reason}")
 
     def _result(self, future: Future) -> Any:
-        self._executor.spin_until_future_complete(future, self._patience)
+        assert self._node.executor is not None
+        self._node.executor.spin_until_future_complete(future, self._patience)
         if not future.done():
             raise TtError(f"{self.name} does not answer within {self._patience:g} s")
         return future.result()
@@ -90,9 +87,13 @@ class ParameterClient:
 def connected(name: str) -> Iterator[ParameterClient]:
     """Yield a client of the node `name`, in a context of its own. Raises TtError if the node is not there."""
     rclpy.init(args=[])
+    executor = SingleThreadedExecutor()
     try:
-        yield ParameterClient(rclpy.create_node("_ros2_param", enable_rosout=False, start_parameter_services=False), name)
+        node = rclpy.create_node("_ros2_param", enable_rosout=False, start_parameter_services=False)
+        executor.add_node(node)
+        yield ParameterClient(node, name)
     finally:
+        executor.shutdown()
         rclpy.try_shutdown()
 
 

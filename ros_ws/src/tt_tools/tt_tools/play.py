@@ -1,4 +1,4 @@
-"""What a player does when: recorded messages and clock ticks in one order, each when it is due."""
+"""The schedule of a player: recorded messages and clock ticks in one order, each at its time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ from typing import NamedTuple
 
 
 class Step(NamedTuple):
-    """time: ns, of the recording. topic: its name and type, None for a clock tick."""
+    """A recorded message, or a tick of the clock.
+
+    Attributes:
+        time: ns, of the recording.
+        topic: Name and type of the topic; None for a tick.
+    """
 
     time: int
     topic: tuple[str, str] | None = None
@@ -15,7 +20,10 @@ class Step(NamedTuple):
 
 
 def with_clock(messages: Iterable[Step], start: int, stop: int, period: int) -> Iterator[Step]:
-    """`messages`, and a tick every `period` from `start` to `stop` (all in ns); a tick comes before a message of its time."""
+    """Yield messages, and a tick of the clock every `period` from `start` to `stop` (all in ns).
+
+    A tick comes before a message of the same time.
+    """
     tick = start
     for step in messages:
         while tick <= step.time:
@@ -28,7 +36,7 @@ def with_clock(messages: Iterable[Step], start: int, stop: int, period: int) -> 
 
 
 def pace(steps: Iterable[Step], start: int, rate: float, now: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[Step]:
-    """Give each of `steps` when it is due; what is late is not dropped, and delays do not add up.
+    """Yield each step at its time; a late one is not dropped, and delays do not add up.
 
     Args:
         steps: In the order of time.

@@ -1,4 +1,4 @@
-"""Publishes a recording as it was, byte for byte, once those who are to hear it are there."""
+"""Publishes a recording byte for byte, after the subscribers that it waits for have come."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pathlib import Path
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -32,7 +33,7 @@ from .play import Step, pace, with_clock
 
 DEPTH = 1000  # messages that a slow subscriber may be behind
 POLL = 0.05  # s between two looks for subscribers
-DISCOVERY = 1.0  # s in which those who are there are found, as a rule
+DISCOVERY = 1.0  # s, within which running nodes are usually discovered
 ACKNOWLEDGED, SLICE = 2.0, 0.05  # s at the end for reliable subscribers, in slices between which an interrupt is seen
 
 
@@ -56,7 +57,7 @@ class PlayParams:
 
 
 class Interrupts:
-    """SIGINT and SIGTERM, which end the player at its next sleep and never in the middle of the middleware."""
+    """Handles SIGINT and SIGTERM: they end the player at its next sleep, never inside the middleware."""
 
     def __init__(self) -> None:
         self._read, write = os.pipe()
@@ -86,7 +87,7 @@ class Interrupts:
 
 
 def offering_qos(recorded: Collection[Qos]) -> QoSProfile:
-    """What serves all who could listen to the recorded publishers."""
+    """Return the profile that serves every subscriber which the recorded publishers could serve."""
     reliable = not recorded or any(qos.reliability is QosReliability.RELIABLE for qos in recorded)
     durable = any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in recorded)
     return QoSProfile(
@@ -97,7 +98,7 @@ def offering_qos(recorded: Collection[Qos]) -> QoSProfile:
 
 
 class PlayNode(Node):
-    """A bag -> its topics, and /clock with the recorded time."""
+    """Publishes the topics of a bag, and /clock with the recorded time."""
 
     def __init__(self, params: PlayParams | None = None) -> None:
         """Make the node.
@@ -117,7 +118,7 @@ class PlayNode(Node):
             bag: What is played.
             remap: New names by old ones.
         """
-        wanted = [self.resolve_topic_name(name) for name in self.params.topics]
+        wanted = [expand_topic_name(name, self.get_name(), self.get_namespace()) for name in self.params.topics]
         for topic in bag.topics:
             if (wanted and topic.name not in wanted) or (self._ticks and topic.name == "/clock"):
                 continue
@@ -135,7 +136,7 @@ class PlayNode(Node):
             self.get_logger().warning(f"not in the bag: {', '.join(sorted(missing))}")
 
     def wait(self, start: int, interrupts: Interrupts) -> None:
-        """Wait for subscribers, the clock standing at the start.
+        """Wait for subscribers; meanwhile the clock stands at the start.
 
         Without `wait_for` and `recorded` this takes no longer than DISCOVERY.
 
@@ -149,7 +150,7 @@ class PlayNode(Node):
         patient = bool(self.params.wait_for or self.params.recorded)
         end = time.monotonic() + (self.params.patience if patient else DISCOVERY)
         since: float | None = None  # s, when the last one came
-        while since is None or time.monotonic() < since + (DISCOVERY if patient else 0.0):  # they must find one another too
+        while since is None or time.monotonic() < since + (DISCOVERY if patient else 0.0):
             self._tick(start)
             interrupts.sleep(POLL)
             missing = self._missing() if patient else self._unmatched()
@@ -163,7 +164,7 @@ class PlayNode(Node):
         return [output.topic_name for output in self._outputs.values() if not output.get_subscription_count()]
 
     def _missing(self) -> list[str]:
-        """What playback still waits for."""
+        """Return the topics whose subscribers playback still waits for."""
         ours = set(self._unmatched())
         wanted = [self.resolve_topic_name(name) for name in self.params.wait_for]
         missing = [name for name in wanted if name in ours or not listeners(self, name) - RECORDERS]

@@ -1,4 +1,4 @@
-"""Recordings, written by a thread of their own, so that the disk holds nobody up."""
+"""Recordings, written by a thread of their own, so that no caller waits for the disk."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PATIENCE, GRACE = 4.0, 2.0  # s at the end: for what is queued, and then for the
 
 
 class State(NamedTuple):
-    """How a recording goes.
+    """The state of a recording.
 
     trouble: What is wrong with the disk, "" if nothing. queued: bytes that wait. free: bytes of the disk at the last look.
     dropped: Messages not written, by topic. missed: messages that never arrived, by topic.
@@ -72,11 +72,11 @@ class Recording:
         self._lock = threading.Lock()  # of `_queued` and `_dropped`
         self._largest, self._queued, self._dropped = queue_bytes, 0, Counter[str]()
         self._missed: dict[str, int] = {}
-        self._full = self._broken = ""  # why
+        self._full = self._broken = ""  # reason for which the disk takes nothing now, or no more
         self._retry = 0.0  # s, when to look for room again
         self._since: float | None = None  # s, when the writer began what it is doing
         self._slow_until = 0.0  # s
-        self._over = False  # what still waits is dropped
+        self._over = False  # whether what is still queued is dropped
         self._summary: Summary | None = None
         self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
@@ -119,7 +119,7 @@ class Recording:
         self._missed[topic] = total
 
     def state(self) -> State:
-        """Tell how it goes, without waiting for the disk."""
+        """Return the present state without waiting for the disk."""
         with self._lock:
             queued, dropped = self._queued, dict(+self._dropped)
         now, since = time.monotonic(), self._since
@@ -149,7 +149,7 @@ class Recording:
         return self._summary
 
     def _run(self) -> None:
-        """The life of the writer thread."""
+        """Write what is queued until the end; the writer thread."""
         while (item := self._queue.get()) is not None:
             self._since = time.monotonic()
             if isinstance(item, _Topic):
@@ -172,7 +172,7 @@ class Recording:
             self._bag.abort()
 
     def _write(self, sample: _Sample) -> bool:
-        """Write one message; False if it is dropped."""
+        """Write one message. Return False if it is dropped."""
         if self._broken or self._over or (self._full and time.monotonic() < self._retry):
             return False
         try:

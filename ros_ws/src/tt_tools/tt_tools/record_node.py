@@ -1,4 +1,4 @@
-"""Records topics as they are on the wire, without looking into the messages."""
+"""Records the serialized messages of topics without decoding them."""
 
 from __future__ import annotations
 
@@ -25,18 +25,20 @@ from tt_core.ros.bags import BagError
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
+from tt_core.ros.qos import compatible
 
 from .bagfile import RESERVE
 from .packages import NotFound, interface
 from .record import QUEUE, Recording, State
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
-TELL = 1.0  # s between two words while messages are lost
-DEPTH = 1000  # messages that may wait: half a second of two cameras at 900 Hz
+TELL = 1.0  # s between two reports while messages are lost
+# messages that may wait: half a second of two cameras at 900 Hz
+ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """The profile of a publisher in the words of the bag."""
+    """Return the profile of a publisher in the form that bags have."""
 
     def split(duration: Duration) -> QosTime:
         return QosTime(*divmod(duration.nanoseconds, 10**9))
@@ -54,19 +56,8 @@ def offered_qos(profile: QoSProfile) -> Qos:
     )
 
 
-def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
-    """What every one of the publishers can serve."""
-    reliable = all(profile.reliability is ReliabilityPolicy.RELIABLE for profile in offered)
-    durable = all(profile.durability is DurabilityPolicy.TRANSIENT_LOCAL for profile in offered)
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if durable else DurabilityPolicy.VOLATILE,
-    )
-
-
 def free_name(output: str) -> str:
-    """Return `output`, or where that exists the first of output_2, output_3, ... that does not."""
+    """Return `output` if it does not exist, else the first of output_2, output_3, ... that does not."""
     names = itertools.chain([output], (f"{output.rstrip('/')}_{number}" for number in itertools.count(2)))
     return next(name for name in names if not Path(name).exists())
 
@@ -88,11 +79,9 @@ class RecordParams:
 
 
 class RecordNode(Node):
-    """Topics -> a new rosbag2 directory, `output`, or bags/ and the time; what is lost -> diagnostics.
+    """Subscribes to topics, writes them to a new rosbag2 directory, and publishes on /diagnostics what is lost.
 
-    All topics, or those in `topics`, less those in which the regex `exclude` is found. At most `queue_bytes` wait for the disk, of
-    which `reserve_bytes` stay free; what is beyond that is dropped and counted. With `numbered` a directory that exists is no error: the
-    new one gets a number, as a recorder needs that is started again.
+    RecordParams says which topics, and what happens when the disk is slow or full.
     """
 
     def __init__(self) -> None:
@@ -107,7 +96,7 @@ class RecordNode(Node):
         except re.error as error:
             raise TtError(f"exclude = {params.exclude!r} is no regular expression: {error}") from error
         self._seen: set[str] = set()
-        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last word and its time in s
+        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last report and its time in s
         self.failed = False
         self._status = Status(self)
         self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -125,7 +114,7 @@ class RecordNode(Node):
                 self._subscribe(name, kinds[0], offered)
 
     def _tell(self, state: State) -> None:
-        """Tell at once when trouble begins or ends, and every second while messages are lost."""
+        """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
         changed = state.trouble != self._told.trouble
         losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
         if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + TELL):
@@ -147,7 +136,7 @@ class RecordNode(Node):
             self.get_logger().warning(f"{name} is left out: {error}")
             return
         events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, name))
-        self.create_subscription(message, name, partial(self._on_message, name), matching_qos(offered), raw=True, event_callbacks=events)
+        self.create_subscription(message, name, partial(self._on_message, name), compatible(ALL, offered), raw=True, event_callbacks=events)
 
     def _on_message(self, topic: str, data: bytes) -> None:
         self._recording.add(topic, time.time_ns(), data)
@@ -159,12 +148,13 @@ class RecordNode(Node):
         """Record what has arrived and not yet been handled."""
         for subscription in self.subscriptions:
             with subscription.handle:
-                for _ in range(DEPTH):
+                for _ in range(ALL.depth):
                     if not (taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)):
                         break
                     self._on_message(subscription.topic_name, taken[0])
 
     def close(self) -> None:
+        """Take what is still waiting and close the bag."""
         self._take_rest()
         try:
             summary = self._recording.close()
@@ -177,7 +167,7 @@ class RecordNode(Node):
 
 
 def main() -> None:
-    """Exit with 1 if messages were lost through the disk."""
+    """Run the node. The exit code is 1 if the disk cost messages."""
     nodes: list[RecordNode] = []
 
     def make() -> RecordNode:

@@ -1,4 +1,4 @@
-"""Make a bag readable whose recorder was killed, and tell what a bag holds."""
+"""Describe a bag, and rewrite one whose recorder was killed, so that it can be read."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .bagfile import BagFile, Summary
 
 
 def describe(path: Path) -> Table:
-    """Tell what a bag of any kind holds, for people. Raises BagError."""
+    """Return a description of a bag of any kind for the terminal. Raises BagError."""
     with Bag(path) as bag:
         seconds = (bag.end - bag.start) * 1e-9
         table = Table("topic", "type", "messages", "Hz", "", box=None)
@@ -77,7 +77,7 @@ def reindex(path: Path) -> Summary:
 
 
 def _whole_chunks(file: Path) -> Iterator[Chunk]:
-    """The chunks that are whole, in the order of the file (https://mcap.dev/spec: opcode, length, content)."""
+    """Yield the complete chunks in the order of the file (MCAP specification: opcode, length, content)."""
     size, position = file.stat().st_size, len(MAGIC)
     with file.open("rb") as stream:
         while position + 9 <= size:

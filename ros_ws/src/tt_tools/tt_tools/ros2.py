@@ -1,4 +1,4 @@
-"""The words of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, param, node."""
+"""The verbs of ros2cli that this project uses, for machines without it: run, launch, bag, topic, service, param, node."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from . import launch, packages
 
 
 def positive(text: str) -> float:
+    """Return a number that is greater than 0, for argparse."""
     value = float(text)
     if value <= 0.0:
         raise argparse.ArgumentTypeError(f"{text} is not positive")
@@ -22,6 +23,7 @@ def positive(text: str) -> float:
 
 
 def renaming(text: str) -> tuple[str, str]:
+    """Return old and new name of OLD:=NEW, for argparse."""
     old, separator, new = text.partition(":=")
     if not (old and separator and new):
         raise argparse.ArgumentTypeError(f"{text} is not OLD:=NEW")
@@ -29,12 +31,16 @@ def renaming(text: str) -> tuple[str, str]:
 
 
 def run(args: argparse.Namespace) -> None:
+    """Replace this process by the executable of a package."""
     program = packages.executable(args.package, args.executable)
     os.execv(program, [str(program), *args.args])
 
 
 def start(args: argparse.Namespace) -> int:
-    """A path alone, or a package and the name of one of its launch files; NAME:=VALUE after either."""
+    """Start the processes of a launch file.
+
+    The words are a path alone, or a package and the name of one of its launch files; NAME:=VALUE may stand after either.
+    """
     words = [word for word in [args.package_or_path, *args.rest] if ":=" not in word]
     if len(words) > 2:
         raise TtError(f"{words[2]!r} is no name:=value")
@@ -49,6 +55,7 @@ def start(args: argparse.Namespace) -> int:
 
 
 def record(args: argparse.Namespace) -> None:
+    """Replace this process by the recorder."""
     topics = [*args.topics, *args.more_topics]
     if bool(topics) == args.all:
         raise TtError("give either topics or -a")
@@ -60,6 +67,7 @@ def record(args: argparse.Namespace) -> None:
 
 
 def play(args: argparse.Namespace) -> None:
+    """Publish what a bag holds."""
     from .play_node import PlayParams, play
 
     params = PlayParams(str(args.bag), args.rate, args.clock or 0.0, tuple(args.topics), args.delay)
@@ -67,6 +75,7 @@ def play(args: argparse.Namespace) -> None:
 
 
 def info(args: argparse.Namespace) -> None:
+    """Print what a bag holds."""
     from rich.console import Console
 
     from .reindex import describe
@@ -75,12 +84,14 @@ def info(args: argparse.Namespace) -> None:
 
 
 def reindex(args: argparse.Namespace) -> None:
+    """Make a bag readable whose recorder was killed."""
     from .reindex import reindex
 
     print(reindex(args.bag))
 
 
 def topic_list(args: argparse.Namespace) -> None:
+    """Print the names of all topics."""
     from .graph_node import topics
 
     for name, types in topics().items():
@@ -88,24 +99,28 @@ def topic_list(args: argparse.Namespace) -> None:
 
 
 def topic_echo(args: argparse.Namespace) -> None:
+    """Print the messages of a topic."""
     from .graph_node import echo
 
     echo(args.topic, once=args.once)
 
 
 def topic_hz(args: argparse.Namespace) -> None:
+    """Print the rate of a topic."""
     from .graph_node import rate
 
     rate(args.topic, args.window)
 
 
 def service_call(args: argparse.Namespace) -> None:
+    """Call a service and print its response."""
     from .graph_node import call
 
     call(args.service, args.type, args.values)
 
 
 def param_list(args: argparse.Namespace) -> None:
+    """Print the names of parameters."""
     from .graph_node import nodes
     from .parameter_client import list_names
 
@@ -113,42 +128,49 @@ def param_list(args: argparse.Namespace) -> None:
 
 
 def param_get(args: argparse.Namespace) -> None:
+    """Print the value of a parameter."""
     from .parameter_client import show
 
     show(args.node, args.name, hide_type=args.hide_type)
 
 
 def param_set(args: argparse.Namespace) -> None:
+    """Set a parameter."""
     from .parameter_client import set_value
 
     set_value(args.node, args.name, args.value)
 
 
 def param_describe(args: argparse.Namespace) -> None:
+    """Print what a node tells about parameters."""
     from .parameter_client import describe
 
     describe(args.node, args.names)
 
 
 def param_dump(args: argparse.Namespace) -> None:
+    """Print the parameters of a node as a file."""
     from .parameter_client import dump
 
     dump(args.node)
 
 
 def param_load(args: argparse.Namespace) -> None:
+    """Set the parameters of a file."""
     from .parameter_client import load
 
     load(args.node, args.file)
 
 
 def node_list(_: argparse.Namespace) -> None:
+    """Print the names of all nodes."""
     from .graph_node import nodes
 
     print("\n".join(nodes()))
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     top = argparse.ArgumentParser(prog="ros2", description=__doc__)
     words = top.add_subparsers(metavar="WORD", required=True)
 
@@ -231,6 +253,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: list[str] | None = None) -> int:
+    """Run one verb and return the exit code."""
     args = parser().parse_args(words)
     try:
         return args.act(args) or 0

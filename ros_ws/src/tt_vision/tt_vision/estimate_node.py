@@ -16,7 +16,7 @@ from tt_core.errors import BadShape, TtError
 from tt_core.params import check, param
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
@@ -164,7 +164,7 @@ class EstimateNode(Node):
         self.measured += not burst.refined
         spin_rpm = np.round(result.ball.spin / RPM).astype(int).tolist()
         self.status.tell(
-            "refined" if burst.refined else "measured",
+            Event.REFINED if burst.refined else Event.MEASURED,
             stamp=last,
             **self._counts(),
             spin_rpm=spin_rpm,

@@ -40,13 +40,19 @@ MOST_STROKES = 64  # of a list of candidates: racket_node publishes at most tt_r
 
 
 def stamp(time: float, message: Time | None = None) -> Time:
-    """time: s."""
+    """Write a time into a stamp.
+
+    Args:
+        time: s.
+        message: The stamp to fill; a new one if None.
+    """
     message = message or Time()
     message.sec, message.nanosec = divmod(round(time * 1e9), 10**9)
     return message
 
 
 def seconds(message: Time | Duration) -> float:
+    """Return a stamp or a duration in s."""
     return message.sec + message.nanosec * 1e-9
 
 
@@ -81,24 +87,35 @@ def _covariance(name: str, numbers: object) -> Array:
 
 
 def _duration(time: float) -> Duration:
+    """Return a duration of `time` (s)."""
     nanoseconds = round(time * 1e9)
     return Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
 def _vector3(v: Sequence[float] | Array) -> Vector3:
+    """Return the message of a vector (3,)."""
     return Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
 
 
 def _numbers(v: Vector3 | Point) -> Array:
+    """Return the vector (3,) of a message."""
     return np.array([v.x, v.y, v.z])
 
 
 def _fill(message: Vector3 | Point, v: Array) -> None:
+    """Write a vector (3,) into a message."""
     message.x, message.y, message.z = v.tolist()
 
 
 def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometry:
-    """Odometry has no room for the covariance of position with velocity and spin: it is left out. message: its covariance stays."""
+    """Return the message of a ball.
+
+    Odometry has no room for the covariance of position with velocity and spin, so it is left out.
+
+    Args:
+        ball: In `table`.
+        message: The message to fill, whose covariance stays; a new one if None.
+    """
     if message is None:
         message = Odometry(child_frame_id="ball")
         message.header.frame_id = "table"
@@ -114,7 +131,11 @@ def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometr
 
 
 def ball_from_message(message: Odometry) -> BallState:
-    """Raises TtError for other frames, numbers outside their bounds, and a covariance that is none."""
+    """Return the ball in a message.
+
+    Raises:
+        TtError: The frames are not `table` and `ball`, a number is outside its bound, or a covariance is not positive semidefinite.
+    """
     if message.header.frame_id != "table" or message.child_frame_id != "ball":
         frames = f"{message.header.frame_id[:40]!r} -> {message.child_frame_id[:40]!r}"
         raise BadMessage(f"frames table -> ball expected, got {frames}")
@@ -133,12 +154,14 @@ def ball_from_message(message: Odometry) -> BallState:
 
 
 def _trajectory(time: float, joint: str, points: list[MultiDOFJointTrajectoryPoint]) -> MultiDOFJointTrajectory:
+    """Return a trajectory of one joint in `table`; `time` (s) is the reference of its points."""
     message = MultiDOFJointTrajectory(joint_names=[joint], points=points)
     message.header.stamp, message.header.frame_id = stamp(time), "table"
     return message
 
 
 def _point(after: float, position: Array, velocity: Array, spin: Sequence[float] | Array) -> MultiDOFJointTrajectoryPoint:
+    """Return a point `after` s with position (m), velocity (m/s) and spin (rad/s), each (3,)."""
     return MultiDOFJointTrajectoryPoint(
         transforms=[Transform(translation=_vector3(position))],
         velocities=[Twist(linear=_vector3(velocity), angular=_vector3(spin))],
@@ -160,11 +183,16 @@ def _check(message: MultiDOFJointTrajectory, joint: str, least: int, most: int) 
 
 
 def _after(point: MultiDOFJointTrajectoryPoint) -> float:
+    """Return time_from_start (s) of a point. Raises OutOfRange."""
     return check_range("time_from_start, s,", seconds(point.time_from_start), *FROM_START)
 
 
 def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
-    """Raises TtError for a path of more than MOST_POINTS, or of numbers outside their bounds."""
+    """Return the message of a path; two points of one time are a bounce.
+
+    Raises:
+        TtError: The path has more than MOST_POINTS points, or a number is outside its bound.
+    """
     check_range("number of points of the path", len(path.times), 1, MOST_POINTS)
     start = path.times[0]
     check_range("duration of the path, s,", path.times[-1] - start, *FROM_START)
@@ -179,7 +207,11 @@ def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
 
 
 def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
-    """Two points of one time are a bounce. Raises TtError for more than MOST_POINTS and for numbers outside their bounds."""
+    """Return the path in a message; two points of one time are a bounce.
+
+    Raises:
+        TtError: The message has more than MOST_POINTS points, or a number is outside its bound.
+    """
     start = _check(message, "ball", 1, MOST_POINTS)
     times = np.array([start + _after(point) for point in message.points])
     positions = _bounded("position", [_numbers(p.transforms[0].translation) for p in message.points], (-1, 3), PLACE)
@@ -191,13 +223,22 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
 
 
 def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTrajectory:
-    """time: s, when the goal was set."""
+    """Return the message of a goal.
+
+    Args:
+        goal: Landing place, flight time and spin that are asked of the return.
+        time: s, when the goal was set.
+    """
     point = _point(goal.flight_time, np.append(goal.landing, 0.0), np.zeros(3), [0.0, goal.spin_y, goal.spin_z])
     return _trajectory(time, "ball", [point])
 
 
 def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
-    """Raises TtError for another number of points than one, and for numbers outside their bounds."""
+    """Return the goal in a message.
+
+    Raises:
+        TtError: The message does not have exactly one point, or a number is outside its bound.
+    """
     _check(message, "ball", 1, 1)
     point = message.points[0]
     landing = _bounded("landing", _numbers(point.transforms[0].translation), (3,), PLACE)
@@ -206,7 +247,15 @@ def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
 
 
 def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
-    """Candidates in order of preference; time: s, of the last frame that they rest on. Raises TtError for what may not be sent."""
+    """Return the message of candidate strokes.
+
+    Args:
+        rackets: The candidates in order of preference.
+        time: s, of the last frame that they rest on.
+
+    Raises:
+        TtError: There are more than MOST_STROKES, or a number is outside its bound.
+    """
     check_range("number of strokes", len(rackets), 0, MOST_STROKES)
     points = []
     for racket in rackets:
@@ -221,7 +270,11 @@ def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJ
 
 
 def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
-    """Raises TtError for more than MOST_STROKES, for numbers outside their bounds, and for a rotation that is none."""
+    """Return the candidate strokes in a message, in order of preference.
+
+    Raises:
+        TtError: There are more than MOST_STROKES, a number is outside its bound, or a quaternion does not have length 1.
+    """
     start = _check(message, "racket", 0, MOST_STROKES)
     rackets = []
     for point in message.points:
@@ -236,19 +289,33 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
 
 
 def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) -> PointStamped:
-    """pixel: (2,) where a camera that tracks on board saw the ball's centre at `time` (s), the middle of the exposure."""
+    """Return the message of a ball that a camera tracks on board.
+
+    Args:
+        time: s, middle of the exposure.
+        pixel: (2,) where the camera saw the centre of the ball.
+        frame: Of the camera, e.g. wide_left_optical.
+    """
     message = PointStamped(point=Point(x=float(pixel[0]), y=float(pixel[1])))
     message.header.stamp, message.header.frame_id = stamp(time), frame
     return message
 
 
 def pixel_from_message(message: PointStamped) -> tuple[float, Array]:
-    """Time (s) and pixel (2,)."""
+    """Return the time (s) and the pixel (2,) of a tracked ball. Raises TtError for a number outside its bound."""
     return stamp_seconds(message.header.stamp), _bounded("pixel", [message.point.x, message.point.y], (2,), PIXEL)
 
 
 def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array, message: Odometry | None = None) -> Odometry:
-    """position: (3,) m, face centre. rotation: (3, 3) racket to table. velocity: (3,) m/s in `table`, as for the ball."""
+    """Return the message of a racket.
+
+    Args:
+        time: s.
+        position: (3,) m, centre of the face in `table`.
+        rotation: (3, 3) racket to table.
+        velocity: (3,) m/s in `table`, as for the ball.
+        message: The message to fill; a new one if None.
+    """
     if message is None:
         message = Odometry(child_frame_id="racket")
         message.header.frame_id = "table"
@@ -261,8 +328,16 @@ def racket_to_message(time: float, position: Array, rotation: Array, velocity: A
 
 
 def camera_to_message(width: int, height: int, matrix: Array, distortion: Array | None, frame: str, time: float = 0.0) -> CameraInfo:
-    """matrix: (3, 3) K in pixels. distortion: (n,) in the order of OpenCV, or None; more than 5 are rational_polynomial. frame: e.g.
-    left_optical."""
+    """Return the calibration of a camera as a message.
+
+    Args:
+        width: Pixels.
+        height: Pixels.
+        matrix: (3, 3) camera matrix K in pixels.
+        distortion: (n,) in the order of OpenCV, or None; more than 5 coefficients are of the model rational_polynomial.
+        frame: Of the camera, e.g. left_optical.
+        time: s.
+    """
     d = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=np.float64)
     model = "plumb_bob" if len(d) <= 5 else "rational_polynomial"
     message = CameraInfo(width=width, height=height, distortion_model=model, d=d.tolist(), k=matrix.ravel())
@@ -308,7 +383,7 @@ def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
 
 
 def _distortion(message: CameraInfo, width: int, height: int, matrix: Array) -> Array:
-    """(n,) in the order of OpenCV."""
+    """Return the distortion (n,) in the order of OpenCV."""
     model = message.distortion_model.lower()
     counts = (_PINHOLE | _FISHEYE).get(model)
     if counts is None:
@@ -325,7 +400,17 @@ def _distortion(message: CameraInfo, width: int, height: int, matrix: Array) -> 
 
 
 def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
-    """image: (h, w) uint8 or uint16. time: s, middle of the exposure. frame: e.g. left_optical."""
+    """Return the message of an image.
+
+    Args:
+        image: (h, w) uint8 or uint16.
+        time: s, middle of the exposure.
+        frame: Of the camera, e.g. left_optical.
+
+    Raises:
+        BadShape: The image has other than two dimensions.
+        BadMessage: The image is of another type.
+    """
     if image.ndim != 2:
         raise BadShape("image", image.shape, "(height, width)")
     if image.dtype not in (np.uint8, np.uint16):
@@ -339,15 +424,27 @@ def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
 
 
 def image_from_message(message: Image) -> np.ndarray:
-    """(h, w) uint8 or uint16, a view of the message's data where they are grey and not padded; colour becomes grey.
+    """Return the image in a message, in grey.
 
-    Raises TtError for an encoding that is none of ENCODINGS, and for a size, a step or data that do not fit.
+    Returns:
+        (h, w) uint8 or uint16; a view of the message's data where they are grey and not padded.
+
+    Raises:
+        TtError: The encoding is none of ENCODINGS, or size, step and data do not fit together.
     """
     return grey_image(message.encoding, message.width, message.height, message.step, message.data, big_endian=message.is_bigendian != 0)
 
 
 def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array, message: JointState | None = None) -> JointState:
-    """q: (n,) rad. qdot: (n,) rad/s."""
+    """Return the message of joint states.
+
+    Args:
+        names: Of the joints.
+        time: s.
+        q: (n,) rad.
+        qdot: (n,) rad/s.
+        message: The message to fill, which has the names; a new one if None.
+    """
     message = message or JointState(name=list(names))
     stamp(time, message.header.stamp)
     message.position, message.velocity = array.array("d", q.tobytes()), array.array("d", qdot.tobytes())
@@ -386,7 +483,15 @@ def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[floa
 
 
 def swing_to_message(names: Sequence[str], time: float, times: Array, q: Array, qdot: Array) -> JointTrajectory:
-    """time: s, reference. times: (n,) s after it. q, qdot: (n, joints) rad and rad/s."""
+    """Return the message of a planned swing.
+
+    Args:
+        names: Of the joints.
+        time: s, reference of the times.
+        times: (n,) s after it.
+        q: (n, joints) rad.
+        qdot: (n, joints) rad/s.
+    """
     points = [
         JointTrajectoryPoint(positions=a.tolist(), velocities=b.tolist(), time_from_start=_duration(t))
         for t, a, b in zip(times, q, qdot, strict=True)

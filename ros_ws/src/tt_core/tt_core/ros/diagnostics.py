@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock
@@ -19,6 +21,40 @@ PERIOD = 1.0  # s between two reports about the inputs
 GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
 
 
+class Event(Enum):
+    """What happens to a ball on its way through the nodes; programs decide on the member, the value is for people."""
+
+    MEASURED = "measured"
+    REFINED = "refined"
+    PATH = "path"
+    STROKES = "strokes"
+    SWING = "swing"
+    NO_SWING = "no swing"
+    FIRST_COMMAND = "first command"
+    BALL_OVER = "ball over"
+
+
+class Told(NamedTuple):
+    """One status that was received.
+
+    Attributes:
+        time: s.
+        name: Of the node, with ": part" where it is about a part of it.
+        message: What has happened, for people.
+        values: All values by their keys.
+    """
+
+    time: float
+    name: str
+    message: str
+    values: dict[str, str]
+
+    @property
+    def event(self) -> Event | None:
+        """The event, None if the status is about none."""
+        return Event.__members__.get(self.values.get("event", ""))
+
+
 class Status:
     """The diagnostics of one node."""
 
@@ -29,7 +65,7 @@ class Status:
 
     def tell(
         self,
-        message: str,
+        what: Event | str,
         *,
         part: str = "",
         stamp: float | None = None,
@@ -40,7 +76,7 @@ class Status:
         """Publish one status.
 
         Args:
-            message: What has happened.
+            what: What has happened. The status holds an event as `event`, too.
             part: Of the node, that the status is about, if not about the whole.
             stamp: Time of the last frame that the result rests on, s; the status holds the latency since then.
             warn: Whether it is a warning.
@@ -52,7 +88,10 @@ class Status:
             values = {"latency_ms": f"{1e3 * latency:.3f}", "stamp": f"{stamp:.9f}", **values}
         if reason is not None:
             values = {"reason": reason, "code": reason.code.name, **reason.values, **values}
-        self._publish(part, message, warn, values)
+        if isinstance(what, Event):
+            self._publish(part, what.value, warn, {"event": what.name, **values})
+        else:
+            self._publish(part, what, warn, values)
 
     def wait_for(self, inputs: Sequence[Input]) -> None:
         """Tell from now on, once a second, whether all inputs have a publisher, as the status "NODE: inputs".
@@ -82,7 +121,7 @@ class Status:
         self._publisher.publish(array)
 
 
-def read_status(message: DiagnosticArray) -> list[tuple[float, str, str, dict[str, str]]]:
-    """(time s, name, message, values) of each status."""
+def read_status(message: DiagnosticArray) -> list[Told]:
+    """Return all statuses of a message."""
     time = seconds(message.header.stamp)
-    return [(time, s.name, s.message, {v.key: v.value for v in s.values}) for s in message.status]
+    return [Told(time, s.name, s.message, {v.key: v.value for v in s.values}) for s in message.status]

@@ -9,10 +9,11 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from ..errors import BadMessage, TtError, check_range
+from .qos import compatible
 
 LOOK = 0.25  # s between two looks at who publishes
 
@@ -53,7 +54,7 @@ class Input:
         self._node, self._kind, self._callback, self._wanted = node, kind, callback, qos
         self._largest, self._refused = largest, refused
         self.topic, self.publishers = node.resolve_topic_name(topic), 0
-        self._asked = (qos.reliability, qos.durability)
+        self._asked = qos
         self._subscription = self._subscribe()
         node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -61,22 +62,15 @@ class Input:
         """Ask for what all publishers that are there now can serve."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
         self.publishers = len(offered)
-        best_effort = any(qos.reliability is ReliabilityPolicy.BEST_EFFORT for qos in offered)
-        volatile = any(qos.durability is DurabilityPolicy.VOLATILE for qos in offered)
-        asked = (
-            ReliabilityPolicy.BEST_EFFORT if best_effort else self._wanted.reliability,
-            DurabilityPolicy.VOLATILE if volatile else self._wanted.durability,
-        )
-        if offered and asked != self._asked:
+        asked = compatible(self._wanted, offered)
+        if offered and (asked.reliability, asked.durability) != (self._asked.reliability, self._asked.durability):
             self._asked = asked
             self._node.destroy_subscription(self._subscription)
             self._subscription = self._subscribe()
 
     def _subscribe(self) -> Any:
-        reliability, durability = self._asked
-        qos = QoSProfile(depth=self._wanted.depth, reliability=reliability, durability=durability)
         events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor
-        return self._node.create_subscription(self._kind, self.topic, self._on_data, qos, event_callbacks=events, raw=True)
+        return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
     def _on_data(self, data: bytes) -> None:
         try:

@@ -21,6 +21,7 @@ from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock
 
 from ..errors import TtError
+from ..priority import set_priority
 from ..start import SIGNALS, default_signals
 
 THREADS = 1.0  # s for the threads of a node to end after its context
@@ -85,7 +86,7 @@ def _bound_clock() -> None:
 def _prioritize(nice: int) -> None:
     """Before any thread is started: they inherit it."""
     try:
-        os.setpriority(os.PRIO_PROCESS, 0, nice)
+        set_priority(nice)
     except PermissionError:
         print(f"no permission for priority {nice} (ulimit -e): on a busy machine answers may come late", file=sys.stderr)
 

@@ -1,4 +1,6 @@
-"""Quality of service by kind of data (DESIGN: topics)."""
+"""Quality of service by kind of data, see the table of topics in ARCHITECTURE.md."""
+
+from collections.abc import Sequence
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -8,3 +10,19 @@ LATEST = QoSProfile(depth=1)  # only the newest matters
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the same, where an old one must never come late
 TRUTH = QoSProfile(depth=1000)  # /sim/*: nothing may be lost in evaluation
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def compatible(wanted: QoSProfile, offered: Sequence[QoSProfile]) -> QoSProfile:
+    """Return `wanted`, lowered to what every publisher offers, as DDS does not connect a subscriber that asks for more.
+
+    Args:
+        wanted: What is asked for where the publishers offer it.
+        offered: Of the publishers of the topic.
+    """
+    best_effort = any(qos.reliability is ReliabilityPolicy.BEST_EFFORT for qos in offered)
+    volatile = any(qos.durability is DurabilityPolicy.VOLATILE for qos in offered)
+    return QoSProfile(
+        depth=wanted.depth,
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else wanted.reliability,
+        durability=DurabilityPolicy.VOLATILE if volatile else wanted.durability,
+    )
