@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
 from typing import Any
 
@@ -13,6 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.constants import RPM
 from tt_core.errors import BadShape, TtError
+from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
@@ -33,6 +35,13 @@ from .spin.registration import SearchParams
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
+
+
+class BurstReason(Enum):
+    """Why a burst is not measured at all: codes of `tt_core.failures.Failure`."""
+
+    NO_CAMERA_INFO = "no camera_info yet"
+    UNUSABLE = "{error}"
 
 
 @dataclass(frozen=True)
@@ -139,7 +148,7 @@ class EstimateNode(Node):
         wanted = [SIDES.index(alone)] if alone else [0, 1]
         lenses = [lens for lens in (self.lenses[side] for side in wanted) if lens is not None]
         if len(lenses) < len(wanted):
-            self._refuse("no camera_info yet", last)
+            self._refuse(Failure(BurstReason.NO_CAMERA_INFO), last)
             return
         stacks, poses = (burst.left, burst.right), [self.poses[side] for side in wanted]
         try:
@@ -155,10 +164,10 @@ class EstimateNode(Node):
                 spots=spots,
             )
         except TtError as error:
-            self._refuse(str(error), last)
+            self._refuse(Failure(BurstReason.UNUSABLE, error=error), last)
             return
-        if result.ball is None:
-            self._refuse(result.reason or "", last, residual=f"{result.residual:.3f}")
+        if result.ball is None or result.reason is not None:
+            self._refuse(result.reason, last, residual=f"{result.residual:.3f}")
             return
         self.balls.publish(ball_to_message(result.ball))
         self.measured += not burst.refined
@@ -172,9 +181,9 @@ class EstimateNode(Node):
             frames=result.used,
         )
 
-    def _refuse(self, reason: str, stamp: float, **values: Any) -> None:
+    def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
         self.refused += 1
-        self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, **self._counts(), **values)
+        self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
 
     def _counts(self) -> dict[str, Any]:
         return {"measured": self.measured, "refused": self.refused, **dataclasses.asdict(self.assembler.counts)}

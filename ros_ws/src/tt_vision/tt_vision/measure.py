@@ -5,25 +5,33 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 from tt_core.constants import BALL_RADIUS
-from tt_core.errors import BadShape, TtError
+from tt_core.errors import BadShape
+from tt_core.failures import Failure
 from tt_core.flight import Aerodynamics
 from tt_core.states import Array, BallState
 
 from .camera import Camera
-from .detection.ball_detection import Image, Spot, find_ball
+from .detection.ball_detection import DetectionReason, Image, Spot, find_ball
 from .detection.illumination import Lamps
-from .motion_fit import Motion, fit_motion
+from .motion_fit import Motion, MotionReason, doubt, fit_motion
 from .spin.estimate import SpinEstimate, check_frames, check_times, spin_and_motion
 from .spin.registration import DEFAULT, SearchParams, prepare
 
 LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
 MOST_FRAMES = 10  # more add time and no accuracy
-ROUGH = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
 AIR = Aerodynamics.measured()
-APART = 3.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
+
+
+class MeasurementReason(Enum):
+    """Why a burst is not measured, beside MotionReason and SpinReason: codes of `tt_core.failures.Failure`."""
+
+    BAD_CALIBRATION = "a camera's calibration is not finite"
+    FEW_FRAMES = "{good} good frames of {frames}, {needed} needed; left out: {left_out}"
+    SWAPPED = "the cameras are swapped"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +43,9 @@ class Measurement:
     """
 
     ball: BallState | None
-    reason: str | None
+    reason: Failure | None
     used: int
-    left_out: dict[str, int]
+    left_out: dict[DetectionReason, int]
     motion: Motion | None = None
     spin: SpinEstimate | None = None
 
@@ -66,7 +74,7 @@ def measure(
     Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
     """
     if not all(np.isfinite(camera.vector).all() for camera in cameras):
-        return Measurement(None, "a camera's calibration is not finite", 0, {})
+        return Measurement(None, Failure(MeasurementReason.BAD_CALIBRATION), 0, {})
     times = check_times(times)
     sides = [left] if right is None else [left, right]
     check_frames([list(images) for images in sides], len(times), len(cameras))
@@ -75,18 +83,19 @@ def measure(
             raise BadShape("images", np.shape(images), f"(k, {camera.height}, {camera.width})")
     spots = spots if spots is not None else [[find_ball(image) for image in images] for images in sides]
     reasons = [next((spot.reason for spot in pair if spot.reason), None) for pair in zip(*spots, strict=True)]
-    left_out = dict(Counter(reason for reason in reasons if reason))
+    left_out = dict(Counter(reason.code for reason in reasons if reason))
     good = [k for k, reason in enumerate(reasons) if reason is None][-MOST_FRAMES:]
     if len(good) < LEAST_FRAMES:
-        why = "".join(f", {count} x {reason}" for reason, count in left_out.items())
-        return Measurement(None, f"{len(good)} good frames of {len(times)}, {LEAST_FRAMES} needed{why}", len(good), left_out)
+        told = ", ".join(f"{count} x {code.value}" for code, count in left_out.items()) or "none"
+        few = Failure(MeasurementReason.FEW_FRAMES, good=len(good), frames=len(times), needed=LEAST_FRAMES, left_out=told)
+        return Measurement(None, few, len(good), left_out)
     frames = [[images[k] for k in good] for images in sides]
     spots = [[row[k] for k in good] for row in spots]
     times = times[good]
     motion, spin, reason = _fit(frames, spots, times, cameras, lamps, search)
     if motion is None or spin is None or reason:
         if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1], lamps, replace(search, second_look=False))[2] is None:
-            reason = "the cameras are swapped"
+            reason = Failure(MeasurementReason.SWAPPED)
         return Measurement(None, reason, len(good), left_out, motion, spin)
     motion = motion.bent(air.acceleration(motion.velocity, spin.spin), times)
     covariance = np.zeros((9, 9))
@@ -102,32 +111,18 @@ def _fit(
     cameras: Sequence[Camera],
     lamps: Lamps | None,
     search: SearchParams,
-) -> tuple[Motion | None, SpinEstimate | None, str | None]:
+) -> tuple[Motion | None, SpinEstimate | None, Failure | None]:
     """Motion and spin, as far as they came, and the reason why they are not to be believed."""
-    try:
-        motion = fit_motion(frames, spots, times, cameras)
-    except TtError as error:
-        return None, None, f"no ball: {error}"
-    reason = _doubt(motion)
+    motion = fit_motion(frames, spots, times, cameras)
+    if isinstance(motion, Failure):
+        return None, None, motion
+    reason = doubt(motion)
     if reason:
         return motion, None, reason
-    try:
-        spin, motion = spin_and_motion(frames, times, cameras, motion, spots, lamps, search)
-    except TtError as error:
-        return motion, None, f"no ball: {error}"
-    return motion, spin, spin.reason or _doubt(motion)
-
-
-def _doubt(motion: Motion) -> str | None:
-    if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
-        return "no ball: the outlines do not fit"
-    if motion.residual > ROUGH:
-        return f"no ball: outline off by {motion.residual:.2f} pixels rms"
-    if np.abs(motion.offsets).max() > APART:
-        return f"the cameras do not see the same ball: {np.abs(motion.offsets).max():.1f} pixels apart"
-    if np.abs(motion.edges).max() > APART:
-        return f"no ball: its outline is {np.abs(motion.edges).max():.1f} pixels too large or too small"
-    return None
+    spin, motion = spin_and_motion(frames, times, cameras, motion, spots, lamps, search)
+    if spin.reason is not None and isinstance(spin.reason.code, MotionReason):
+        return motion, None, spin.reason
+    return motion, spin, spin.reason or doubt(motion)
 
 
 def warm(cameras: Sequence[Camera]) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 from numba import njit
 from tt_core.constants import BALL_RADIUS, GRAVITY
 from tt_core.errors import TtError
+from tt_core.failures import Failure
 from tt_core.states import Array
 
 from .camera import Camera, ray, triangulate
@@ -25,9 +27,24 @@ VAGUE = (
 )
 THIN = 0.1  # of the acceleration by the air, standard deviation of what is taken for it
 DOUBT = 0.1  # pixels, an offset of a camera that is as likely the outlines' as the calibration's
+ROUGH = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
+APART = 3.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
 FAR = 5.0  # pixels from a camera's outlines to where the ball is put; 0.3 is usual where the light is bad
 ROUGHLY, ENOUGH = 1e-4, 1e-6  # m, and 1/100 s times that, last step of the first and of later fits: 0.07 pixels, and nothing
 FINE = 4.0  # pixels on both sides of the expected outline that the second look scans
+
+
+class MotionReason(Enum):
+    """Why outlines tell no motion of a ball: codes of `tt_core.failures.Failure`."""
+
+    NO_START = "no ball: {error}"
+    FEW_POINTS = "no ball: {points} outline points in {images} images"
+    NO_SOLUTION = "no ball: the outlines are of no ball that both cameras see"
+    FAR_APART = "no ball: the cameras do not see the same ball: {apart:.1f} pixels apart at first sight"
+    NOT_FINITE = "no ball: the outlines do not fit"
+    ROUGH_OUTLINE = "no ball: outline off by {residual:.2f} pixels rms"
+    APART = "the cameras do not see the same ball: {apart:.1f} pixels apart"
+    WRONG_SIZE = "no ball: its outline is {edge:.1f} pixels too large or too small"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,33 +104,41 @@ def fit_motion(
     times: Array,
     cameras: Sequence[Camera],
     acceleration: Array = (0.0, 0.0, -GRAVITY),  # type: ignore[assignment]
-) -> Motion:
+) -> Motion | Failure:
     """Least squares over all outline points, each camera with one unknown edge shift; outliers such as marks on the limb left out. What a
     camera has aside in all frames alike is taken off in the next fit: a calibration that is off is no motion.
 
     frames, spots: [camera][frame], with a whole ball in each. times: (k,) s. acceleration: (3,) m/s^2.
     The outline is where the rays touch the sphere of known radius, so perspective is exact. The state returned is that of the last frame.
-    Raises TtError for what is no outline of one ball.
+    Returns the reason when these are no outlines of one ball.
     """
     vectors = np.array([camera.vector for camera in cameras])
     tau = np.asarray(times) - np.mean(times)
     gravity = np.array(acceleration, dtype=np.float64)
     state, offsets = np.zeros(6 + len(cameras)), np.zeros((len(cameras), 2))
-    state[:6] = _start(spots, tau, cameras, gravity)
+    try:
+        state[:6] = _start(spots, tau, cameras, gravity)
+    except TtError as error:  # the rays of the cameras are parallel
+        return Failure(MotionReason.NO_START, error=error)
     for reach, enough in ((0.35, ROUGHLY), (0.0, ENOUGH)):
         points = _outlines(frames, spots, tau, vectors, state, gravity, reach)
         motion = _solved(points, vectors, times, tau, cameras, gravity, state, offsets, False, enough)
+        if isinstance(motion, Failure):
+            return motion
         offsets = motion.offsets
     return motion
 
 
-def refit(motion: Motion, points: Array, times: Array, cameras: Sequence[Camera], known: bool) -> Motion:
+def refit(motion: Motion, points: Array, times: Array, cameras: Sequence[Camera], known: bool) -> Motion | Failure:
     """The same flight by other outline points, (n, 5) camera, frame, pixel and weight. known: whether the lamps are; if not, the outlines
-    so far, unless VAGUE, have a say in where the ball is, not in its velocity. Raises TtError for what is no outline of one ball."""
+    so far, unless VAGUE, have a say in where the ball is, not in its velocity.
+    Returns the reason when these are no outlines of one ball."""
     vectors, tau = np.array([camera.vector for camera in cameras]), np.asarray(times) - np.mean(times)
     state = np.concatenate([motion.positions(np.array([np.mean(times)]))[0], motion.velocity - tau[-1] * motion.acceleration, motion.edges])
     before = state[:3].copy()
     found = _solved(points, vectors, times, tau, cameras, motion.acceleration, state, motion.offsets, known)
+    if isinstance(found, Failure):
+        return found
     return found if known or motion.residual > VAGUE else replace(found, position=found.position + (1.0 - TRUST) * (before - state[:3]))
 
 
@@ -128,16 +153,16 @@ def _solved(
     offsets: Array,
     known: bool,
     enough: float = ENOUGH,
-) -> Motion:
-    """The least squares from `state` (6 + cameras,), which takes the result, and `offsets` as far as they are believed. Raises TtError."""
+) -> Motion | Failure:
+    """The least squares from `state` (6 + cameras,), which takes the result, and `offsets` as far as they are believed."""
     if len(points) < LEAST_POINTS * len(tau) * len(cameras):
-        raise TtError(f"{len(points)} outline points in {len(tau) * len(cameras)} images")
+        return Failure(MotionReason.FEW_POINTS, points=len(points), images=len(tau) * len(cameras))
     try:
         covariance, residual, offsets = _fit(points, vectors, tau, gravity, state, believed(offsets), enough)
     except np.linalg.LinAlgError:
-        raise TtError("the outlines are of no ball that both cameras see") from None
+        return Failure(MotionReason.NO_SOLUTION)
     if np.abs(offsets).max() > FAR:
-        raise TtError(f"the cameras do not see the same ball: {np.abs(offsets).max():.1f} pixels apart at first sight")
+        return Failure(MotionReason.FAR_APART, apart=float(np.abs(offsets).max()))
     last = float(tau[-1])
     move = np.eye(6)
     move[:3, 3:] = last * np.eye(3)
@@ -151,6 +176,18 @@ def _solved(
     aside = np.abs(found.alignment).max() * np.linalg.norm(position - cameras[0].position) / cameras[0].focal_pixels
     covariance[:3, :3] += aside**2 * np.eye(3)  # cameras that disagree do not say which of them is wrong
     return found
+
+
+def doubt(motion: Motion) -> Failure | None:
+    """Return why a motion is not to be believed, or None."""
+    if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
+        return Failure(MotionReason.NOT_FINITE)
+    if motion.residual > ROUGH:
+        return Failure(MotionReason.ROUGH_OUTLINE, residual=motion.residual)
+    apart, edge = float(np.abs(motion.offsets).max()), float(np.abs(motion.edges).max())
+    if apart > APART:
+        return Failure(MotionReason.APART, apart=apart)
+    return Failure(MotionReason.WRONG_SIZE, edge=edge) if edge > APART else None
 
 
 def _start(spots: Sequence[Sequence[Spot]], tau: Array, cameras: Sequence[Camera], gravity: Array) -> Array:

@@ -10,7 +10,7 @@ from tt_core.errors import BadShape, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
 
-from ..detection.ball_detection import Image, Spot, find_ball
+from ..detection.ball_detection import DetectionReason, Image, Spot, find_ball
 from ..measure import LEAST_FRAMES, MOST_FRAMES
 
 SIDES = ("left", "right")
@@ -87,7 +87,7 @@ class Assembler:
         spot = find_ball(image)
         reason = spot.reason
         seen = (image, spot) if reason is None else None
-        leaving = reason is not None and reason.startswith("ball")
+        leaving = reason is not None and reason.code is DetectionReason.NOT_WHOLE
         if time < self._last - WHOLE_AGAIN:
             self._renew()
             self._last = -np.inf

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 from tt_core.errors import BadShape, TtError
+from tt_core.failures import Failure
 from tt_core.states import Array
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -24,6 +26,27 @@ BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves
 MARGIN = 3.0  # pixels of background wanted around the ball
 
 
+class DetectionReason(Enum):
+    """Why an image is not used: codes of `tt_core.failures.Failure`."""
+
+    BLACK = "black"
+    SATURATED = "saturated"
+    NO_CONTRAST = "no ball: no contrast"
+    TOO_SMALL = "no ball: too small"
+    TOO_LARGE = "no ball: too large"
+    NOT_ROUND = "no ball: not round"
+    NOT_WHOLE = "ball not whole in view"
+
+
+class NoWholeBall(TtError):
+    """An image does not show a whole ball."""
+
+    def __init__(self, reason: Failure) -> None:
+        """Keep the reason, so that a caller can decide on its code."""
+        super().__init__(str(reason))
+        self.reason = reason
+
+
 @dataclass(frozen=True)
 class Spot:
     """What a glance at one image tells.
@@ -31,7 +54,7 @@ class Spot:
     reason: None when a whole ball is in view. u, v, radius: pixels, rough (2 pixels). background, peak: grey levels.
     """
 
-    reason: str | None
+    reason: Failure | None
     u: float = 0.0
     v: float = 0.0
     radius: float = 0.0
@@ -48,21 +71,25 @@ def find_ball(image: Image) -> Spot:
     background, peak, top, at_top, u, v, radius, u0, u1, v0, v1 = _glance(image)
     full = 2.0 ** max(8, math.ceil(math.log2(top + 1.0))) - 1.0  # of an 8, 10, 12 ... bit camera
     if background >= 0.98 * full:
-        return Spot("saturated")
+        return _refused(DetectionReason.SATURATED)
     if peak - background < CONTRAST * full:
-        return Spot("black" if peak < CONTRAST * full else "no ball: no contrast")
+        return _refused(DetectionReason.BLACK if peak < CONTRAST * full else DetectionReason.NO_CONTRAST)
     if radius < LEAST_RADIUS:
-        return Spot("no ball: too small")
+        return _refused(DetectionReason.TOO_SMALL, radius=radius, bound=LEAST_RADIUS)
     if radius > MOST_RADIUS:
-        return Spot("no ball: too large")
+        return _refused(DetectionReason.TOO_LARGE, radius=radius, bound=MOST_RADIUS)
     if top >= full and at_top > SATURATED:
-        return Spot("saturated")
+        return _refused(DetectionReason.SATURATED)
     height, width = image.shape
     if min(u0, v0) < MARGIN or u1 > width - 1 - MARGIN or v1 > height - 1 - MARGIN:
-        return Spot("ball not whole in view")
+        return _refused(DetectionReason.NOT_WHOLE)
     if max(u1 - u0, v1 - v0) > 3.0 * radius or min(u1 - u0, v1 - v0) < radius:
-        return Spot("no ball: not round")
+        return _refused(DetectionReason.NOT_ROUND)
     return Spot(None, u, v, radius, background, peak)
+
+
+def _refused(code: DetectionReason, **values: float) -> Spot:
+    return Spot(Failure(code, **values))
 
 
 @njit(cache=True, nogil=True)
@@ -208,11 +235,11 @@ def centre(image: Image, *, radius: float | None = None, method: str = "contour"
     """(2,) pixel, the middle of the ball's outline in one image, (h, w) uint8 or uint16.
 
     radius: pixels, when known. method: "contour", a circle through the outline, outliers left out; "liu", the four points and their
-    perpendicular bisectors of the dissertation. Raises TtError with the reason when no whole ball is in view.
+    perpendicular bisectors of the dissertation. Raises NoWholeBall with the reason when no whole ball is in view.
     """
     spot = find_ball(image)
     if spot.reason is not None:
-        raise TtError(spot.reason)
+        raise NoWholeBall(spot.reason)
     if method == "liu":
         return four_points(image, spot.background + DEPTH * (spot.peak - spot.background))
     if method != "contour":

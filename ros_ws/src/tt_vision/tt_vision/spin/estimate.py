@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
-from tt_core.errors import BadShape, TtError, check_array
+from tt_core.errors import BadChoice, BadShape, TtError, check_array
+from tt_core.failures import Failure
 from tt_core.states import Array
 
 from ..camera import Camera
@@ -24,6 +26,15 @@ KNOWN, FIRST, ALONE = 0.75, 1.5, 3.0  # times SYSTEMATIC: with known lamps, with
 HOPELESS = 0.2  # residual beyond which no look at the outline helps; a ball half in the dark, 1.6 mm out of place, has 0.12
 UNKNOWN = 1e6  # (rad/s)^2
 PRINTED = {"liu": method_2, "correlation": method_1}
+METHODS = ("registration", *PRINTED)
+
+
+class SpinReason(Enum):
+    """Why there is no estimate of the spin: codes of `tt_core.failures.Failure`."""
+
+    FEW_FRAMES = "{frames} frames cannot tell a spin"
+    NO_MARKS = "no marks on the ball"
+    NO_AGREEMENT = "marks do not agree between frames (residual {residual:.2f})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +48,7 @@ class SpinEstimate:
     spin: Array
     covariance: Array
     residual: float
-    reason: str | None = None
+    reason: Failure | None = None
     iterations: int = 0
 
 
@@ -62,18 +73,21 @@ def estimate_spin(
     times = check_times(times)
     check_frames(frames, len(times), len(cameras))
     if len(times) < 2:
-        return refused(f"{len(times)} frames cannot tell a spin")
+        return refused(Failure(SpinReason.FEW_FRAMES, frames=len(times)))
     spots = spots if spots is not None else [[find_ball(image) for image in row] for row in frames]
     for row in spots:
         for spot in row:
             if spot.reason is not None:
                 return refused(spot.reason)
     if method == "registration":
-        return spin_and_motion(frames, times, cameras, motion or fit_motion(frames, spots, times, cameras), spots, lamps, search)[0]
+        fitted = motion or fit_motion(frames, spots, times, cameras)
+        if isinstance(fitted, Failure):
+            return refused(fitted)
+        return spin_and_motion(frames, times, cameras, fitted, spots, lamps, search)[0]
     if method in PRINTED:
         spin, residual, iterations = PRINTED[method](frames, spots, times, cameras)
         return SpinEstimate(spin, UNKNOWN * np.eye(3), residual, None, iterations)
-    raise TtError(f"method {method!r} is none of 'registration', 'liu', 'correlation'")
+    raise BadChoice("method", method, METHODS)
 
 
 def spin_and_motion(
@@ -89,22 +103,28 @@ def spin_and_motion(
     backgrounds = np.array([[spot.background for spot in row] for row in spots])
     surface = unwrap(frames, backgrounds, motion.positions(times), motion.alignment, times - np.mean(times), cameras, lamps)
     if surface.contrast < DULL:
-        return refused("no marks on the ball"), motion
+        return refused(Failure(SpinReason.NO_MARKS)), motion
     found = register(surface, search)
     if search.second_look and GATE < found.residual < HOPELESS:
-        surface, found, motion = look_again(frames, spots, times, cameras, surface, found, motion, search)
+        again = look_again(frames, spots, times, cameras, surface, found, motion, search)
+        if isinstance(again, Failure):
+            return refused(again), motion
+        surface, found, motion = again
         found = judged(surface, found, search)
     if found.residual > GATE:
-        return refused(f"marks do not agree between frames (residual {found.residual:.2f})", found.residual, found.candidates), motion
+        return refused(Failure(SpinReason.NO_AGREEMENT, residual=found.residual), found.residual, found.candidates), motion
     if search.second_look:
-        _, found, motion = look_again(frames, spots, times, cameras, surface, found, motion, search)
+        again = look_again(frames, spots, times, cameras, surface, found, motion, search)
+        if isinstance(again, Failure):
+            return refused(again), motion
+        _, found, motion = again
     certain = (FIRST if not search.second_look else 1.0 if lamps is None else KNOWN) * (ALONE if len(cameras) == 1 else 1.0)
     systematic = certain * np.hypot(SYSTEMATIC[0], SYSTEMATIC[1] * np.linalg.norm(found.spin))
     covariance = CORRELATED * np.linalg.inv(found.information) + systematic**2 * np.eye(3)
     return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates), motion
 
 
-def refused(reason: str, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
+def refused(reason: Failure, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
     return SpinEstimate(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
 
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 from tt_core.constants import BALL_RADIUS
+from tt_core.failures import Failure
 from tt_core.states import Array
 
 from ..camera import Camera, project_point, ray
@@ -41,8 +42,9 @@ def look_again(
     found: Registration,
     motion: Motion,
     search: SearchParams,
-) -> tuple[Surface, Registration, Motion]:
-    """Surface, spin and motion, better known. frames, spots: [camera][frame]. times: (frames,) s. Raises TtError for what is no outline."""
+) -> tuple[Surface, Registration, Motion] | Failure:
+    """Surface, spin and motion, better known. frames, spots: [camera][frame]. times: (frames,) s.
+    Returns the reason when it finds no outline."""
     texels, light = cube(len(found.marks), EDGE), surface.light
     turns = turned(found.spin, surface.views, surface.frame, surface.times)
     if not light.known:
@@ -62,9 +64,11 @@ def look_again(
             frames[c][k], u, v, radius, spots[c][k].peak - spots[c][k].background, expected[m], math.inf if light.known else BENT
         )
         rows.append(np.hstack([np.full((len(edge), 1), c), np.full((len(edge), 1), k), edge]))
-    motion = refit(motion, np.concatenate(rows), times, cameras, light.known)
-    surface = surface.at(motion.positions(times), motion.alignment, cameras)
-    return surface, again(surface, found, search), motion
+    moved = refit(motion, np.concatenate(rows), times, cameras, light.known)
+    if isinstance(moved, Failure):
+        return moved
+    surface = surface.at(moved.positions(times), moved.alignment, cameras)
+    return surface, again(surface, found, search), moved
 
 
 def _shown(surface: Surface, cameras: int) -> Array:
