@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from tt_core.constants import RPM
 from tt_core.errors import BadShape, NotFinite, TtError
-from tt_eval.synthetic_bursts import known
+from tt_eval.synthetic_bursts import calibrated_lamps
 from tt_sim.render import Lamps, Noise
 from tt_vision.detection.ball_detection import DetectionReason
-from tt_vision.measure import MeasurementReason, measure, warm
+from tt_vision.measure import MeasurementReason, measure, measure_burst
 from tt_vision.motion_fit import MotionReason
 from tt_vision.rig import high_speed_pair
-from tt_vision.spin.estimate import SpinReason
-from tt_vision.spin.registration import SearchParams
+from tt_vision.spin import SearchParams, SpinReason
+from tt_vision.warm import warm
 
 APART = {MotionReason.APART, MotionReason.FAR_APART}
 
@@ -35,6 +35,15 @@ def check(shot, result):
 def test_the_ball_is_measured(film, seed):
     shot = film(seed)
     check(shot, measure(shot.left, shot.right, shot.times, shot.cameras))
+
+
+def test_a_burst_is_measured_as_its_images_are(rendered):
+    one = measure(rendered.left, rendered.right, rendered.times, rendered.cameras).ball
+    for other in (measure_burst(rendered.burst), measure_burst(dataclasses.replace(rendered.burst, detections=()))):
+        assert other.ball.vector == pytest.approx(one.vector, abs=1e-12)
+    with pytest.raises(BadShape) as told:
+        measure_burst(dataclasses.replace(rendered.burst, cameras=()))
+    assert told.value.name == "cameras"
 
 
 def test_ten_bits_are_no_worse(film, scene):
@@ -155,7 +164,7 @@ def test_one_camera_alone_measures_and_knows_that_it_is_less_certain(film):
 
 
 def test_the_fast_setting_and_known_lamps_measure_too(film):
-    for options in ({"search": SearchParams.fast()}, {"lamps": known(Lamps())}):
+    for options in ({"search": SearchParams.fast()}, {"lamps": calibrated_lamps(Lamps())}):
         for seed in (50, 51):
             shot = film(seed)
             check(shot, measure(shot.left, shot.right, shot.times, shot.cameras, **options))

@@ -6,7 +6,7 @@ from tt_core.constants import RPM
 from tt_vision.detection.ball_detection import DetectionReason
 from tt_vision.measure import MeasurementReason, measure
 from tt_vision.motion_fit import MotionReason
-from tt_vision.spin.estimate import SpinReason
+from tt_vision.spin import SpinReason
 from vision.easel import paint
 
 BALLS = range(6)

@@ -9,14 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tt_core.constants import RPM
-from tt_core.errors import BadChoice, BadShape, TtError
+from tt_core.errors import BadChoice, BadShape
 from tt_core.so3 import left_jacobian, rotation_matrix
 from tt_sim.render import Lamp, Lamps, Noise, Texture
-from tt_vision.detection.ball_detection import find_ball
+from tt_vision.capture.burst import TimesNotRising
 from tt_vision.motion_fit import fit_motion
-from tt_vision.spin.estimate import SpinReason, estimate_spin
-from tt_vision.spin.registration import GATE, SearchParams, compare_all
-from tt_vision.spin.surface_map import unwrap
+from tt_vision.spin import SearchParams, SpinReason, estimate_spin
+from tt_vision.spin.comparison import compare_all
+from tt_vision.spin.registration import GATE
+from tt_vision.spin.surface_map import map_surface
 
 vectors = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
 
@@ -124,16 +125,12 @@ def test_too_fast_to_tell_is_refused(film):
 
 def test_the_step_of_the_refinement_leads_to_the_spin(rendered):
     """From 20 rpm away in any direction one Gauss-Newton step comes most of the way; the other points on the ball move it by 4."""
-    spots = [[find_ball(i) for i in row] for row in rendered.frames]
-    motion = fit_motion(rendered.frames, spots, rendered.times, rendered.cameras)
-    backgrounds = np.array([[s.background for s in row] for row in spots])
-    centred = rendered.times - rendered.times.mean()
-    s = unwrap(rendered.frames, backgrounds, motion.positions(rendered.times), motion.alignment, centred, rendered.cameras)
+    surface = map_surface(rendered.burst, fit_motion(rendered.burst))
     best = estimate_spin(rendered.frames, rendered.times, rendered.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
-        h, g, _, _ = compare_all(start, points, s.marks, s.views, s.frame, s.times)
-        assert np.linalg.norm(start - np.linalg.solve(h, g) - best) / RPM < 8.0
+        found = compare_all(start, points, surface.sharp)
+        assert np.linalg.norm(start - np.linalg.solve(found.normal_matrix, found.gradient) - best) / RPM < 8.0
 
 
 def test_method_2_finds_slow_spin_near_its_start(film):
@@ -156,5 +153,5 @@ def test_arguments_that_do_not_fit_say_so(rendered):
     with pytest.raises(BadShape) as told:
         estimate_spin(rendered.frames, rendered.times[:5], rendered.cameras)
     assert told.value.shape == (2, 6, 6)
-    with pytest.raises(TtError):
+    with pytest.raises(TimesNotRising):
         estimate_spin(rendered.frames, rendered.times[::-1], rendered.cameras)

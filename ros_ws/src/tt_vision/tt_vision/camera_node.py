@@ -23,8 +23,8 @@ from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, SENSOR
 
 from .capture.devices import DeviceCounts, DeviceParams
-from .capture.sources import SIDES, Calibration, Shot, SourceError, SourceParams, calibrations, shots
-from .rig import high_speed_pair
+from .capture.sources import Calibration, Shot, SourceError, SourceParams, calibrations, shots
+from .rig import SIDES, high_speed_pair
 
 
 @dataclass(frozen=True)

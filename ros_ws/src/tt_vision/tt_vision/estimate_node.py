@@ -26,12 +26,14 @@ from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
 from .camera import Camera
-from .capture.burst import SIDES, Assembler, Burst, BurstParams
-from .detection.illumination import Lamps
-from .detection.lens_correction import Lens
-from .measure import measure, warm
-from .rig import high_speed_pair
+from .capture.assembler import Assembler, BurstParams
+from .capture.burst import Burst
+from .detection.illumination import CalibratedLamps
+from .detection.lens_correction import Lens, straighten
+from .measure import measure_burst
+from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
+from .warm import warm
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
@@ -113,12 +115,12 @@ class EstimateNode(Node):
         pose = declare(self, CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
         return dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation))
 
-    def _lamps(self) -> Lamps | None:
+    def _lamps(self) -> CalibratedLamps | None:
         """Return the calibrated lamps, or None without any."""
         lamps = declare(self, LampParams, "lamps.")
         if not any(lamps.strengths):
             return None
-        return Lamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
+        return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
         message.header = CameraInfo().header  # drivers send the same calibration with each image
@@ -150,19 +152,9 @@ class EstimateNode(Node):
         if len(lenses) < len(wanted):
             self._refuse(Failure(BurstReason.NO_CAMERA_INFO), last)
             return
-        stacks, poses = (burst.left, burst.right), [self.poses[side] for side in wanted]
         try:
-            images, spots, cameras = zip(*map(Lens.straighten, lenses, stacks, burst.spots, poses), strict=True)
-            result = measure(
-                images[0],
-                None if alone else images[1],
-                burst.times,
-                cameras,
-                air=self.air,
-                lamps=self.lamps,
-                search=self.search,
-                spots=spots,
-            )
+            straight = straighten(burst, lenses, [self.poses[side] for side in wanted])
+            result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search)
         except TtError as error:
             self._refuse(Failure(BurstReason.UNUSABLE, error=error), last)
             return

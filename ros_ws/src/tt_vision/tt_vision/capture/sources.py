@@ -16,10 +16,10 @@ from tt_core.params import check, param
 from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message
 
-from ..detection.ball_detection import Image
+from ..rig import SIDES
+from .burst import Image
 from .devices import DeviceCounts, DeviceParams, grabs
 
-SIDES = ("left", "right")
 KINDS = ("folder", "video", "bag", "device")
 STAMPED = re.compile(r"(left|right)[_\-/](\d+(?:\.\d+)?)\.(?:png|pgm|tiff?|bmp|jpe?g)$", re.IGNORECASE)
 NANOSECONDS = 1e14  # a whole number above it is a stamp in nanoseconds, below it in seconds: one day after 1970 and three million years
