@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tt_core.errors import BadShape, NotFinite, OutOfRange
 from tt_vision.camera import Camera, CannotTriangulate, NotARotation, calibrate, triangulate
 from tt_vision.resection import CannotCalibrate
-from tt_vision.rig import BETWEEN, DISTANCE, VIEW_CENTRE, high_speed_pair
+from tt_vision.rig import DISTANCE, SIGHT_ANGLE, VIEW_CENTRE, high_speed_pair
 
 LEFT, RIGHT = high_speed_pair()
 BENT = dataclasses.replace(LEFT, distortion=[-0.2, 0.1, 1e-3, -2e-3, 0.05])
@@ -28,7 +28,7 @@ def test_the_rig_stands_as_described():
         assert camera.project(around(0, 0, 0))[0] == pytest.approx([115.5, 115.5])
         assert camera.position[1] < VIEW_CENTRE[1] and camera.position[2] > VIEW_CENTRE[2]
         assert (camera.project(around(0, 0, 0.01))[0] - 115.5) @ [0, 1] < 0.0  # up in the world is up in the image
-    assert math.acos(LEFT.rotation[2] @ RIGHT.rotation[2]) == pytest.approx(BETWEEN)
+    assert math.acos(LEFT.rotation[2] @ RIGHT.rotation[2]) == pytest.approx(SIGHT_ANGLE)
     flight = LEFT.project(np.vstack([around(0.02, 0, 0), around(-0.02, 0, 0)]))
     assert flight[1, 0] < flight[0, 0]  # a ball to -x flies to the left
 
@@ -70,7 +70,7 @@ def test_triangulation_shares_the_error_of_the_image():
     pixels = np.array([camera.project(points) + rng.normal(0.0, 0.1, (2000, 2)) for camera in (LEFT, RIGHT)])
     spread = triangulate((LEFT, RIGHT), pixels).std(axis=0)
     # 0.1 pixels is 57 um on the ball; across the baseline two looks average, along it 45 deg between the rays widen it
-    assert spread.max() < 57e-6 / math.sin(BETWEEN / 2)
+    assert spread.max() < 57e-6 / math.sin(SIGHT_ANGLE / 2)
 
 
 def test_what_cannot_be_triangulated_says_so():

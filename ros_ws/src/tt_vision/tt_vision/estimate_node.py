@@ -1,4 +1,4 @@
-"""Publishes where each ball is, how fast and with what spin, from the images of the two high speed cameras, or of one."""
+"""Publish position, velocity and spin of each ball, measured from the images of the two high speed cameras, or of one."""
 
 from __future__ import annotations
 
@@ -50,23 +50,27 @@ class BurstReason(Enum):
 class EstimateParams:
     """How the ball is measured."""
 
-    fast: bool = param(False, "", "measure in less time, with larger errors of the spin")
+    fast: bool = param(False, "", "whether a ball is measured in less time, with larger errors of the spin")
 
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Where a camera stands: p_camera = rotation p_table + translation (2.3)."""
+    """Pose of a camera: p_camera = rotation p_table + translation (2.3)."""
 
-    rotation: tuple[float, ...] = param((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation from `table` to the camera, by rows")
-    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera")
+    rotation: tuple[float, ...] = param(
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation matrix from `table` to the camera, by rows", low=-1.001, high=1.001
+    )
+    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera", low=-100.0, high=100.0)
 
 
 @dataclass(frozen=True)
 class LampParams:
     """Calibrated lamps."""
 
-    positions: tuple[float, ...] = param((), "m", "x, y, z of each lamp in `table`, one after the other")
-    strengths: tuple[float, ...] = param((), "", "brightness that each lamp gives a white surface 1 m away; empty without calibrated lamps")
+    positions: tuple[float, ...] = param((), "m", "x, y, z of each lamp in `table`, one lamp after the other", low=-100.0, high=100.0)
+    strengths: tuple[float, ...] = param(
+        (), "", "brightness that each lamp gives a white surface 1 m away; empty without calibrated lamps", low=0.0, high=1e6
+    )
     ambient: float = param(0.0, "", "brightness of a white surface in the light of the room", low=0.0, high=1e6)
 
     def __post_init__(self) -> None:
@@ -77,14 +81,14 @@ class LampParams:
 
 
 class EstimateNode(Node):
-    """camera/{left,right}/image_raw and camera_info -> /ball/measured.
+    """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/measured.
 
-    One ball for each flight, and with `refined` a second one from more frames. `fast` spends less on the spin. The air of `physics` bends
-    the flight between the frames. The poses of the cameras are the parameters {left,right}.rotation (9 numbers, by rows) and
-    {left,right}.translation (m), (2.3).
+    There is one ball for each flight, and with the parameter `refined` a second one from more frames. The air of `physics` bends the flight
+    between the frames. The poses of the cameras are the parameters {left,right}.rotation and {left,right}.translation.
     """
 
     def __init__(self) -> None:
+        """Declare parameters, compile the kernels, then subscribe."""
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
         self.search = SearchParams.fast() if declare(self, EstimateParams).fast else SearchParams()
@@ -123,6 +127,7 @@ class EstimateNode(Node):
         return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
+        """Take the calibration of a camera, unless it is the same as before."""
         message.header = CameraInfo().header  # drivers send the same calibration with each image
         if message == self.infos[side]:
             return
@@ -133,6 +138,7 @@ class EstimateNode(Node):
             self.bad_infos[side](error)
 
     def on_image(self, side: int, message: Image) -> None:
+        """Take an image, and measure the burst that is complete with it."""
         try:
             image, lens = image_from_message(message), self.lenses[side]
             if lens is not None and image.shape != (lens.height, lens.width):
@@ -145,6 +151,7 @@ class EstimateNode(Node):
             self.on_burst(burst)
 
     def on_burst(self, burst: Burst) -> None:
+        """Measure a burst and publish the ball, or why there is none."""
         last = float(burst.times[-1])
         alone = self.assembler.params.alone
         wanted = [SIDES.index(alone)] if alone else [0, 1]
@@ -174,14 +181,17 @@ class EstimateNode(Node):
         )
 
     def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
+        """Tell why a burst is not measured. stamp: of its last frame, s."""
         self.refused += 1
         self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
 
     def _counts(self) -> dict[str, Any]:
+        """Return how many balls were measured and refused, and which images were not used."""
         return {"measured": self.measured, "refused": self.refused, **dataclasses.asdict(self.assembler.counts)}
 
 
 def main() -> None:
+    """Run the node."""
     run(EstimateNode)
 
 

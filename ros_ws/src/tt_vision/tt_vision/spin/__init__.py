@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ..exports import lazy_exports
 
 if TYPE_CHECKING:
     from ..measure import estimate_spin
     from .estimate import SpinEstimate, SpinReason
-    from .registration import SearchParams
+    from .registration import Registration, SearchParams
+    from .surface_map import SurfaceMap
 
-__all__ = ["SearchParams", "SpinEstimate", "SpinReason", "estimate_spin"]
+__all__ = ["Registration", "SearchParams", "SpinEstimate", "SpinReason", "SurfaceMap", "estimate_spin"]
 
-_HOME = {
-    "SearchParams": "tt_vision.spin.registration",
-    "SpinEstimate": "tt_vision.spin.estimate",
-    "SpinReason": "tt_vision.spin.estimate",
-    "estimate_spin": "tt_vision.measure",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import what is exported when it is first used: the measurement imports the stages of this package."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+__getattr__ = lazy_exports(
+    __name__,
+    {
+        "estimate_spin": "tt_vision.measure",
+        "SpinEstimate": "tt_vision.spin.estimate",
+        "SpinReason": "tt_vision.spin.estimate",
+        "Registration": "tt_vision.spin.registration",
+        "SearchParams": "tt_vision.spin.registration",
+        "SurfaceMap": "tt_vision.spin.surface_map",
+    },
+)
