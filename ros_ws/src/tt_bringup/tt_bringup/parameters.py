@@ -27,7 +27,7 @@ from tt_tools.packages import executable
 from tt_tools.parameter_client import ParameterClient
 from tt_tools.play_node import PlayParams
 from tt_tools.record_node import RecordParams
-from tt_vision.capture.sources import SIDES
+from tt_vision.rig import SIDES
 
 NODES = {
     "sim": ("tt_sim", "sim_node"),

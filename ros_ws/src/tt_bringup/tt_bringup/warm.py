@@ -23,8 +23,8 @@ from tt_sim.render import Scene
 from tt_sim.simulated_robot import warm as warm_hardware
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_sim.world.plant import Plant
-from tt_vision.measure import warm as warm_vision
 from tt_vision.rig import high_speed_pair
+from tt_vision.warm import warm as warm_vision
 
 
 def images() -> None:

@@ -38,8 +38,8 @@ from tt_sim.world.launcher import launch
 from tt_sim.world.outcome import Outcome
 from tt_sim.world.plant import Plant
 from tt_vision.camera import Camera
-from tt_vision.capture.burst import Assembler
-from tt_vision.measure import Measurement, measure
+from tt_vision.capture.assembler import Assembler
+from tt_vision.measure import Measurement, measure_burst
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
@@ -95,8 +95,7 @@ class Trial:
         for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
             burst = assembler.add(side, stamp, image)
             if burst is not None:
-                air = self.scenario.robot.physics.air
-                measurement = measure(burst.left, burst.right, burst.times, self.cameras, air=air, spots=burst.spots)
+                measurement = measure_burst(burst.seen_by(self.cameras), air=self.scenario.robot.physics.air)
                 return measurement, measurement.ball
         return None, None
 

@@ -22,8 +22,9 @@ from tt_core.constants import BALL_RADIUS
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_sim.world.outcome import places
-from tt_vision.camera import Camera, project_from_table
-from tt_vision.capture.burst import BurstParams
+from tt_vision.camera import Camera
+from tt_vision.capture.assembler import BurstParams
+from tt_vision.projection import project_from_table, unpack_camera
 from tt_vision.rig import FRAME_RATE
 
 FASTEST = 16.0  # m/s, the catapult's fastest with its scatter
@@ -98,9 +99,10 @@ def _load(name: str) -> SensorErrorModel:
 @njit(cache=True, error_model="numpy")
 def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray[np.bool_]:
     """(n,) whether an image of `width` by `height` shows all of a ball at points (n, 3) m. camera: Camera.vector."""
-    whole, radius = np.empty(len(points), dtype=np.bool_), camera[12] * BALL_RADIUS
+    model, whole = unpack_camera(camera), np.empty(len(points), dtype=np.bool_)
+    radius = model.optics.focal * BALL_RADIUS
     for i in range(len(points)):
-        u, v, depth = project_from_table(camera, points[i, 0], points[i, 1], points[i, 2])
+        u, v, depth = project_from_table(model, points[i, 0], points[i, 1], points[i, 2])
         room = radius / depth + MARGIN
         whole[i] = room < u < width - 1 - room and room < v < height - 1 - room
     return whole
