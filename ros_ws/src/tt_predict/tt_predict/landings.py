@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from tt_core.arrays import Array
 from tt_core.constants import BALL_RADIUS
-from tt_core.states import Array
 
 from .recordings import Flight
 
@@ -13,10 +13,17 @@ BEYOND = 0.03  # s after the last point in which a landing is extrapolated
 
 
 def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float, Array] | None:
-    """(time s, (2,) place m) of the recorded bounce, or None.
+    """Find where and when a recorded ball bounced.
 
-    It is where the arcs before and after the lowest point meet, or, without an arc after it, where the one before it comes to the contact
-    height at most BEYOND later. Arcs are parabolas through 10 and 8 points.
+    The bounce is where the arcs before and after the lowest point meet. Without an arc after it, the bounce is where the arc before it
+    comes to the contact height, at most BEYOND later. Arcs are parabolas through 10 and 8 points.
+
+    Args:
+        flight: As recorded.
+        contact_height: m, of the ball's centre at the bounce.
+
+    Returns:
+        Time in s and place (2,) in m, or None if no bounce was recorded.
     """
     z = flight.positions
     low = [i for i in range(3, len(z)) if z[i, 2] < NEAR_TABLE and z[i, 2] == z[i - 3 : i + 4, 2].min()]
@@ -39,7 +46,7 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float,
 
 
 def up_to_landing(flight: Flight) -> Flight:
-    """The points before the recorded bounce, all without one."""
+    """Return the flight up to its recorded bounce, or all of it if none was recorded."""
     bounce = landing(flight)
     n = int(np.searchsorted(flight.times, bounce[0])) if bounce else len(flight.times)
     return Flight(flight.group, flight.times[:n], flight.positions[:n], flight.spin)
