@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from tt_core.arrays import Array
 from tt_core.constants import BALL_RADIUS
@@ -12,7 +14,14 @@ NEAR_TABLE = 0.1  # m, height of the lowest point of an arc that ends on the tab
 BEYOND = 0.03  # s after the last point in which a landing is extrapolated
 
 
-def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float, Array] | None:
+class Landing(NamedTuple):
+    """Where and when a ball met the table: time in s, place (2,) in m."""
+
+    time: float
+    place: Array
+
+
+def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> Landing | None:
     """Find where and when a recorded ball bounced.
 
     The bounce is where the arcs before and after the lowest point meet. Without an arc after it, the bounce is where the arc before it
@@ -23,7 +32,7 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float,
         contact_height: m, of the ball's centre at the bounce.
 
     Returns:
-        Time in s and place (2,) in m, or None if no bounce was recorded.
+        The landing, or None if no bounce was recorded.
     """
     z = flight.positions
     low = [i for i in range(3, len(z)) if z[i, 2] < NEAR_TABLE and z[i, 2] == z[i - 3 : i + 4, 2].min()]
@@ -42,11 +51,12 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float,
     at = float(min(roots.real, key=abs))
     if np.abs(roots.imag).max() > 0.0 or not -0.02 < at < (0.02 if bounced else BEYOND):
         return None
-    return float(flight.times[lowest] + at), np.array([np.polynomial.polynomial.polyval(at, arc[:, k]) for k in range(2)])
+    place = np.array([np.polynomial.polynomial.polyval(at, arc[:, k]) for k in range(2)])
+    return Landing(float(flight.times[lowest] + at), place)
 
 
 def up_to_landing(flight: Flight) -> Flight:
     """Return the flight up to its recorded bounce, or all of it if none was recorded."""
     bounce = landing(flight)
-    n = int(np.searchsorted(flight.times, bounce[0])) if bounce else len(flight.times)
+    n = int(np.searchsorted(flight.times, bounce.time)) if bounce else len(flight.times)
     return Flight(flight.group, flight.times[:n], flight.positions[:n], flight.spin)

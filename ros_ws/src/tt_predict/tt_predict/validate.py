@@ -47,11 +47,11 @@ def landing_error(flight: Flight, physics: Physics, spin: Array, seen: float = S
     """
     true = landing(flight)
     points = int(np.searchsorted(flight.times - flight.times[0], seen))
-    if true is None or points < FEWEST_SEEN or flight.times[points - 1] > true[0]:
+    if true is None or points < FEWEST_SEEN or flight.times[points - 1] > true.time:
         return None
     state = Predictor(physics).start(flight, spin, points)
     path = rollout(BallState.from_vector(flight.times[0], state), physics, StopRule.at_landing())
-    return float(np.linalg.norm(path.end.position[:2] - true[1])), abs(float(path.end.time - true[0]))
+    return float(np.linalg.norm(path.end.position[:2] - true.place)), abs(float(path.end.time - true.time))
 
 
 def validate(flights: Sequence[Flight]) -> dict[tuple[str, str], Array]:
