@@ -100,8 +100,7 @@ class Relaxation:
 AS_ASKED = Relaxation()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Return:
+class Return(NamedTuple):
     """A way to return a ball.
 
     Attributes:
