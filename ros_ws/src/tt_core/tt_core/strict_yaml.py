@@ -34,17 +34,27 @@ class BadFile(TtError):
 
 
 def one_of(name: str, value: str, known: tuple[str, ...]) -> None:
+    """Check that a text is one of those known; raises TtError."""
     if value not in known:
         raise TtError(f"{name} {value!r} is none of {', '.join(known)}")
 
 
 def names(folder: Path) -> list[str]:
-    """The names of the YAML files in `folder`."""
+    """Return the names of the YAML files in `folder`, without the ending, sorted."""
     return sorted(file.stem for file in folder.glob("*.yaml"))
 
 
 def find(name: str, folder: Path, beside: Path = Path()) -> Path:
-    """The file of that name in `folder`, or at that path, which may be relative to `beside`. Raises BadFile."""
+    """Find a YAML file.
+
+    Args:
+        name: Name of a file in `folder` without the ending, or a path.
+        folder: Where files are found by name.
+        beside: What a path may be relative to.
+
+    Raises:
+        BadFile: There is no such file.
+    """
     if name in names(folder):
         return folder / f"{name}.yaml"
     for path in (Path(name), beside / name):
@@ -54,7 +64,7 @@ def find(name: str, folder: Path, beside: Path = Path()) -> Path:
 
 
 class _Strict(yaml.SafeLoader):
-    """Refuses a key that is given twice, of which YAML's readers take the last."""
+    """Refuses a key that is given twice, where other readers of YAML take the last value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [key.value for key, _ in node.value]
@@ -65,6 +75,7 @@ class _Strict(yaml.SafeLoader):
 
 
 def read(file: Path) -> dict[str, Any]:
+    """Return the mapping that a YAML file holds; raises BadFile."""
     try:
         content = yaml.load(file.read_text(), _Strict)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -80,7 +91,18 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def build(kind: Any, content: Any, file: str, path: str = "", default: Any = None) -> Any:
-    """A dataclass from a mapping, strictly; fields that are not there are those of `default`, or the class's own. Raises BadFile."""
+    """Build a dataclass from a mapping, strictly.
+
+    Args:
+        kind: The dataclass.
+        content: The mapping, as read.
+        file: Name of the file, for errors.
+        path: Keys above this mapping in the file, joined by dots, for errors.
+        default: Instance whose values fields have that are not in the mapping; None for the defaults of the class.
+
+    Raises:
+        BadFile: A key is unknown, a value has the wrong type or is out of range, or a field without default is missing.
+    """
 
     def refuse(key: str, why: str) -> BadFile:
         where = ".".join(part for part in (path, key) if part)
@@ -88,7 +110,7 @@ def build(kind: Any, content: Any, file: str, path: str = "", default: Any = Non
 
     if not isinstance(content, Mapping):
         raise refuse("", f"{content!r} is not a mapping of keys to values")
-    known = [f.name for f in fields(kind) if f.name not in ("name", "covariance")]
+    known = [f.name for f in fields(kind) if f.init and f.name not in ("name", "covariance")]
     values = {name: getattr(default, name) for name in known} if default is not None else {}
     if kind is BallState:
         values["time"] = 0.0
@@ -106,7 +128,7 @@ def build(kind: Any, content: Any, file: str, path: str = "", default: Any = Non
 
 
 def _value(hint: Any, value: Any, file: str, path: str) -> Any:
-    """`value` in the type of the field."""
+    """Return `value` in the type of a field; raises BadFile."""
     if is_dataclass(value):
         return value
     if hint is Physics:
@@ -135,7 +157,7 @@ def _is_union(hint: Any) -> bool:
 
 
 def _physics(content: Any, file: str, path: str) -> Physics:
-    """A name of MODELS, or a mapping: the name as `model`, and single coefficients of air, table, racket."""
+    """Return the models for a name of MODELS, or for a mapping with the name as `model` and single coefficients of air, table, racket."""
     content = {"model": content} if isinstance(content, str) else content
     if not isinstance(content, Mapping):
         raise BadFile(f"{file}: {path}: {content!r} is not a name or a mapping of keys to values")

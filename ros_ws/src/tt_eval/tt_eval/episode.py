@@ -20,11 +20,14 @@ from tt_arm.stroke_selection import Choice, SelectionParams
 from tt_arm.swing import Swing
 from tt_arm.swing import plan as plan_swing
 from tt_core.constants import TABLE_WIDTH
+from tt_core.failures import Failure
 from tt_core.flight import fly
+from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
+from tt_racket.failures import StrokeFailure
 from tt_racket.goal import default_goal
 from tt_racket.intercept import Candidates, hit_points, intercept
 from tt_racket.stroke import Stroke, solve
@@ -48,7 +51,6 @@ from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
 from .video_scoring import score_from_video
 
-UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, simulated, after which a ball is given up
 TEXTURES = 20  # balls that are marked differently
 
@@ -158,8 +160,8 @@ class Episode:
         if self.measured is None:
             return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
         if self.candidates is None or not self.candidates.strokes:
-            refused = {reason for _, reason in self.candidates.refused} if self.candidates else set()
-            return f"no stroke: {'; '.join(sorted(refused)) or 'the ball does not come within reach'}"
+            refused = {str(failure) for _, failure in self.candidates.refused} if self.candidates else set()
+            return f"no stroke: {'; '.join(sorted(refused)) or StrokeFailure.NO_HIT_POINT.value}"
         if self.choice is None or self.choice.index is None:
             return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
         return outcome.result
@@ -170,9 +172,11 @@ class Episode:
             return None
         if self.measured is None:
             return "refused spin" if self.measurement and self.measurement.spin else "not seen"
-        if reason.startswith("no stroke"):
-            slow = Counter("racket speed" in why for _, why in self.candidates.refused) if self.candidates else Counter()
-            return "racket too slow" if slow[True] > slow[False] else "out of reach"
+        if self.candidates is None or not self.candidates.strokes:
+            slow = (
+                Counter(failure.code is StrokeFailure.RACKET_TOO_FAST for _, failure in self.candidates.refused) if self.candidates else {}
+            )
+            return "racket too slow" if slow.get(True, 0) > slow.get(False, 0) else "out of reach"
         if reason.startswith("arm"):
             reasons = self.choice.reasons if self.choice else ()
             if not reasons or any("too soon" in why or "only" in why for why in reasons):
@@ -228,16 +232,17 @@ def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
     """The strokes of that robot: `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
     if robot.stroke == "exact":
         return intercept(path, goal, robot.physics, robot.intercept)
-    found, refused = list[Stroke](), []
+    found, refused = list[Stroke](), list[tuple[BallState, Failure]]()
     for ball in hit_points(path, robot.intercept):
         if robot.stroke == "sam":
             stroke = solve(ball, goal, robot.physics, method="sam", racket_speed=robot.intercept.racket_speed)
         else:
             stroke = specular(ball, goal, robot.physics)
-        if stroke.racket is None:
-            refused.append((ball, stroke.reason or ""))
-        elif np.linalg.norm(stroke.racket.velocity) > robot.intercept.racket_speed:
-            refused.append((ball, f"racket speed is over {robot.intercept.racket_speed:g} m/s"))
+        bound = robot.intercept.racket_speed
+        if stroke.reason is not None:
+            refused.append((ball, stroke.reason))
+        elif stroke.racket is not None and (speed := float(np.linalg.norm(stroke.racket.velocity))) > bound:
+            refused.append((ball, Failure(StrokeFailure.RACKET_TOO_FAST, speed=speed, bound=bound)))
         else:
             found.append(stroke)
     found.sort(key=lambda stroke: float(np.linalg.norm(stroke.racket.velocity)) if stroke.racket else 0.0)
@@ -262,7 +267,7 @@ class Plan:
         if measured is None:
             return cls(measurement)
         believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
-        path = rollout(believed, robot.physics, StopRule.at_x(UNTIL_X))
+        path = rollout(believed, robot.physics, StopRule.at_x(path_end(robot.intercept.x_low)))
         goal = scenario.goal or default_goal(measured.spin, robot.default_goal)
         due = measured.time - cameras.clock_offset + cameras.latency + robot.latency
         return cls(measurement, measured, goal, path, answered(path, goal, robot), due)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 from tt_core.constants import NET_X
-from tt_core.flight import fly_into
+from tt_core.flight import air_coefficients, fly_into
+from tt_core.interpolate import hermite
 from tt_core.states import Array, BallState
 
 from .true_ball import Contact
@@ -23,16 +24,15 @@ NODE = 0.04  # s
 def places(ball: Array, times: Array, air: Array) -> Array:
     """(n, 3) m, of the ball (9,) in free flight at times (n,) s after it, rising: cubic between states NODE s apart, to 1e-5 m."""
     out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
+    model = air_coefficients(air)
     for i in range(len(times)):
         while times[i] > last:
             start[:] = end
-            fly_into(start, NODE, air, NODE, end, work)
+            fly_into(start, NODE, model, NODE, end, work)
             last += NODE
         u = 1.0 - (last - times[i]) / NODE
         for k in range(3):
-            m0, m1 = NODE * start[3 + k], NODE * end[3 + k]
-            a, b = 2.0 * (start[k] - end[k]) + m0 + m1, 3.0 * (end[k] - start[k]) - 2.0 * m0 - m1
-            out[i, k] = ((a * u + b) * u + m0) * u + start[k]
+            out[i, k] = hermite(start[k], start[3 + k], end[k], end[3 + k], NODE, u)
     return out
 
 

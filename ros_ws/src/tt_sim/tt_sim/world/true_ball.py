@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from tt_core.bounce import rebound_racket, rebound_table
+from tt_core.bounce import TableCoefficients, racket_coefficients, rebound_racket, rebound_table, table_coefficients
 from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import check_range
-from tt_core.flight import MAX_STEP, ease, step
+from tt_core.flight import MAX_STEP, AirCoefficients, air_coefficients, ease, step
+from tt_core.interpolate import hermite
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
@@ -82,9 +83,7 @@ def _racket_at(rackets: Array, tick: float, t: float, out: Array) -> None:
     start, end = rackets[i], rackets[min(i + 1, last)]
     u = min(1.0, max(0.0, t / tick - i))
     for k in range(3):
-        m0, m1 = tick * start[6 + k], tick * end[6 + k]
-        a, b = 2.0 * (start[k] - end[k]) + m0 + m1, 3.0 * (end[k] - start[k]) - 2.0 * m0 - m1
-        out[k] = ((a * u + b) * u + m0) * u + start[k]
+        out[k] = hermite(start[k], start[6 + k], end[k], end[6 + k], tick, u)
     for k in range(3, 12):
         out[k] = (1.0 - u) * start[k] + u * end[k]
     norm = math.sqrt(out[3] ** 2 + out[4] ** 2 + out[5] ** 2)
@@ -153,7 +152,7 @@ def _point_velocity(ball: Array, racket: Array, contact: float, normal: Array, g
 
 @njit(cache=True)
 def _look(
-    surface: int, ball: Array, t: float, since: float, rackets: Array, tick: float, air: Array, contact: float, radius: float,
+    surface: int, ball: Array, t: float, since: float, rackets: Array, tick: float, air: AirCoefficients, contact: float, radius: float,
     trial: Array, work: Array, racket: Array, normal: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """Distance (m) and its rate (m/s) `t` s after `ball`, which is `since` s after the first racket row; trial: the ball then."""
@@ -169,7 +168,7 @@ def _look(
 
 @njit(cache=True)
 def _meets(
-    surface: int, ball: Array, h: float, since: float, rackets: Array, tick: float, air: Array, contact: float, radius: float,
+    surface: int, ball: Array, h: float, since: float, rackets: Array, tick: float, air: AirCoefficients, contact: float, radius: float,
     trial: Array, work: Array, racket: Array, normal: Array,
 ) -> float:  # fmt: skip
     """Seconds within h, a small step, to the contact, or inf."""
@@ -205,7 +204,7 @@ def _meets(
 
 
 @njit(cache=True)
-def _rebound_edge(v: Array, w: Array, normal: Array, table: Array) -> None:
+def _rebound_edge(v: Array, w: Array, normal: Array, table: TableCoefficients) -> None:
     """The table's rebound about another normal (3,), in place."""
     side = np.array([normal[2], normal[0], normal[1]])
     x = side - (side @ normal) * normal
@@ -219,14 +218,15 @@ def _rebound_edge(v: Array, w: Array, normal: Array, table: Array) -> None:
 
 @njit(cache=True)
 def travel(
-    ball: Array, since: float, until: float, rackets: Array, tick: float, air: Array, table: Array, rubber: Array, contact: float,
-    radius: float, log: Array,
+    ball: Array, since: float, until: float, rackets: Array, tick: float, air_row: Array, table_row: Array, rubber_row: Array,
+    contact: float, radius: float, log: Array,
 ) -> tuple[int, float, bool]:  # fmt: skip
     """Fly ball (9,), in place, from `since` to `until` (s after the first of the racket rows (n, 12), `tick` apart).
 
     log (m, 22): surface, time, ball before, ball after, offset, edge of each contact. Returns how many, when it ended, and whether the ball
     is still in play: not on the floor, not lying. With more contacts than the log holds it lies.
     """
+    air, table, rubber = air_coefficients(air_row), table_coefficients(table_row), racket_coefficients(rubber_row)
     work, trial, racket, normal, v = np.empty((8, 3)), np.empty(9), np.empty(12), np.empty(3), np.empty(3)
     soonest = np.empty(5)  # s, in which each surface can be reached at the earliest
     fastest = 1.0
