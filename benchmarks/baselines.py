@@ -12,6 +12,7 @@ from report import arguments, report
 from rich.console import Console
 from rich.table import Table
 from tt_eval.evaluate import RETURNS, percentiles, returns
+from tt_eval.miss import Miss
 from tt_eval.scenario import load
 from tt_eval.sweep import part
 from tt_eval.sweep_metrics import NUMBERS
@@ -39,7 +40,7 @@ def main() -> None:
             scenario = load("liu", robot=robot, world=world, images=False)
             rows = [row for t in pool.map(functools.partial(part, scenario), *zip(*chunks, strict=True)) for row in t.to_pylist()]
             numbers = {key: np.array([row[key] for row in rows]) for key in NUMBERS}
-            table.add_row(name, *returns(numbers, [row["miss"] for row in rows]))
+            table.add_row(name, *returns(numbers, [Miss(row["miss"]) if row["miss"] else None for row in rows]))
             key = f"{world}_{robot}"
             metrics |= {f"{key}_landed_share": float(numbers["landed"].mean()), f"{key}_hit_share": float(numbers["hit"].mean())}
             metrics[f"{key}_landing_error_median"], metrics[f"{key}_landing_error_p95"] = percentiles(numbers["landing_error"])

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from tt_eval.episode import play
 from tt_eval.scenario import Scenario, load
+from tt_sim.world.outcome import Result
 
 PRINTED = {"back": (2.10, 0.78, 0.622), "top": (1.90, 0.744, 0.451)}  # landing x, y (m) and time (s), Section 4.5.2
 
@@ -19,7 +20,7 @@ def landings(scenario: Scenario, runs: int) -> np.ndarray:
     rows = []
     for seed in range(runs):
         outcome = play(scenario, seed).outcome
-        if outcome.result == "returned" and outcome.hit and outcome.landing:
+        if outcome.result is Result.RETURNED and outcome.hit and outcome.landing:
             rows.append([*outcome.landing.before.position[:2], outcome.landing.before.time - outcome.hit.before.time])
     return np.array(rows).reshape(-1, 3)
 

@@ -21,6 +21,7 @@ from rich.console import Console
 from tt_bringup.demo import free_domain
 from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import RELIABLE
+from tt_sim.world.outcome import Result
 from tt_tools import launch, packages
 
 RATE = 94.0  # balls a minute, the most of the machine (dissertation Section 2.5.2)
@@ -34,7 +35,7 @@ class Watch(Node):
 
     def __init__(self) -> None:
         super().__init__("watch", enable_rosout=False)
-        self.results: list[str] = []
+        self.results: list[Result] = []
         self.refusals: list[str] = []
         self.latencies = defaultdict[str, list[float]](list)
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
@@ -43,7 +44,7 @@ class Watch(Node):
         for told in read_status(message):
             values = told.values
             if told.event is Event.BALL_OVER:
-                self.results.append(values["result"] if json.loads(values["hit"]) else "missed")
+                self.results.append(Result(values["result"]) if json.loads(values["hit"]) else Result.MISSED)
             elif told.name in STAGES and "latency_ms" in values and told.event is not Event.SWING:
                 self.latencies[told.name].append(float(values["latency_ms"]))
         self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in message.status if s.level != s.OK]
@@ -82,8 +83,8 @@ def main() -> None:
     results = watch.results[skipped or 0 :]
     metrics = {
         "balls": float(len(results)),
-        "hit_share": float(np.mean([r != "missed" for r in results])),
-        "landed_share": float(np.mean([r == "returned" for r in results])),
+        "hit_share": float(np.mean([r is not Result.MISSED for r in results])),
+        "landed_share": float(np.mean([r is Result.RETURNED for r in results])),
     }
     for stage in STAGES:
         for p in (50, 95, 99):
@@ -94,7 +95,7 @@ def main() -> None:
         metrics[f"{name}_memory_mb"] = memory[-1]
         metrics[f"{name}_growth_mb"] = memory[-1] - memory[int(SETTLED * len(rows))]
     report("pace", args.runs, metrics, args.json)
-    Console().print({word: watch.refusals.count(word) for word in set(watch.refusals)}, {r: results.count(r) for r in set(results)})
+    Console().print({word: watch.refusals.count(word) for word in set(watch.refusals)}, {r.value: results.count(r) for r in set(results)})
 
 
 if __name__ == "__main__":

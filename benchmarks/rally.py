@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.progress import track
 from tt_eval.episode import play
 from tt_eval.evaluate import percentiles, why
+from tt_eval.miss import Miss
 from tt_eval.scenario import Scenario, load
 from tt_eval.sweep_metrics import sweep_metrics
 
@@ -63,7 +64,7 @@ def main() -> None:
             played = pool.map(functools.partial(one, load(name)), range(args.runs), chunksize=8)
             rows = list(track(played, total=args.runs, description=name))
         metrics |= {f"{name}_{key}": value for key, value in rates(rows).items()}
-        console.print(f"{name}, missed:", why([str(row["miss"]) for row in rows]) or "none")
+        console.print(f"{name}, missed:", why([Miss(row["miss"]) for row in rows if row["miss"]]) or "none")
     metrics["images_balls_per_second_and_core"], _ = alone(load("liu"), max(20, args.runs // 10))
     metrics["fast_balls_per_second_and_core"], metrics["fast_growth_mb"] = alone(load("liu", images=False), 10 * args.runs)
     report("rally", args.runs, metrics, args.json)

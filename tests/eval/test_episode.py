@@ -1,11 +1,12 @@
 """A ball played without ROS: returned, the same again by its seed, and every failure with its reason."""
 
 import pytest
-from tt_core.errors import TtError
+from tt_core.errors import BadChoice, OutOfRange
 from tt_core.states import ReturnGoal
 from tt_eval.episode import landing_error, play, spin_error
 from tt_eval.scenario import Robot, Scenario
 from tt_racket.intercept import InterceptParams
+from tt_sim.world.outcome import Result
 
 
 @pytest.mark.parametrize(("kind", "scale"), [("top", 4), ("back", 3), ("left", 3)])
@@ -42,11 +43,13 @@ def test_a_goal_is_asked_for():
 def test_a_failure_has_its_reason(changes, reason):
     episode = play(Scenario("top", 4, **changes), seed=0)
     assert episode.reason.startswith(reason)
-    assert episode.outcome.result != "returned"
+    assert episode.outcome.result is not Result.RETURNED
 
 
 def test_a_scenario_that_cannot_be_is_refused():
-    with pytest.raises(TtError, match="kind 'lob' is none of"):
+    with pytest.raises(BadChoice) as error:
         Scenario("lob")
-    with pytest.raises(TtError, match="latency = -1 is outside"):
+    assert (error.value.name, error.value.value) == ("kind", "lob")
+    with pytest.raises(OutOfRange) as error:
         Robot(latency=-1.0)
+    assert (error.value.name, error.value.value) == ("latency", -1.0)

@@ -4,8 +4,9 @@ from dataclasses import fields
 
 import pytest
 import yaml
+from tt_core.errors import BadChoice, BadShape, NotFinite, OutOfRange, TtError
 from tt_core.physics import Physics
-from tt_core.strict_yaml import BadFile, names
+from tt_core.strict_yaml import BadFile, MissingKey, UnknownKey, Unreadable, WrongType, names
 from tt_eval.scenario import HOME, Scenario, load
 from tt_sim.cameras.camera_faults import CameraFaults
 from tt_sim.cameras.tracking_cameras import TrackingCameraFaults
@@ -54,54 +55,95 @@ def test_profiles_hold_what_they_say():
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "path", "cause"),
     [
-        ({"launcher": {"rate": -3}}, "mine.yaml: launcher.rate: -3 is outside [26, 94]"),
-        ({"launcher": {"rte": 30}}, "mine.yaml: launcher.rte: unknown, known are x, y"),
-        ({"robot": {"latency": "soon"}}, "mine.yaml: robot.latency: 'soon' is not of type float"),
-        ({"robot": {"intercept": {"spacing": 0}}}, "mine.yaml: robot.intercept.spacing: 0 is outside"),
-        ({"world": {"physics": {"model": "measured", "air": {"drag": 9.0}}}}, "mine.yaml: world.physics.air.drag: 9 is outside [0, 2]"),
-        ({"world": {"physics": "newton"}}, "mine.yaml: world.physics.model: 'newton' is none of liu, measured"),
-        ({"world": {"physics": {"contact_height": 0.0}}}, "mine.yaml: world.contact_height: 0 is outside"),
-        ({"world": {"cameras": {"dropped": 1.5}}}, "mine.yaml: world.cameras.dropped: 1.5 is outside [0, 1]"),
-        ({"world": {"domain_randomization": {"drag": -0.1}}}, "mine.yaml: world.domain_randomization.drag: -0.1 is outside"),
-        ({"world": {"plant": {"time_constant": float("nan")}}}, "mine.yaml: world.plant: time_constant = nan is not finite"),
-        ({"world": {"plant": {"q_step": True}}}, "mine.yaml: world.plant.q_step: True is not of type float"),
-        ({"scale": [3, 11]}, "mine.yaml: scale: 11 is outside [1, 10]"),
-        ({"kind": "lob"}, "mine.yaml: kind 'lob' is none of top, back"),
-        ({"shots": "given"}, "mine.yaml: ball is missing"),
+        ({"launcher": {"rate": -3}}, "launcher.rate", OutOfRange("rate", -3, 26, 94)),
+        ({"launcher": {"rte": 30}}, "launcher.rte", UnknownKey),
+        ({"robot": {"latency": "soon"}}, "robot.latency", WrongType),
+        ({"robot": {"intercept": {"spacing": 0}}}, "robot.intercept.spacing", OutOfRange),
+        ({"world": {"physics": {"model": "measured", "air": {"drag": 9.0}}}}, "world.physics.air.drag", OutOfRange("drag", 9, 0, 2)),
+        ({"world": {"physics": "newton"}}, "world.physics.model", BadChoice),
+        ({"world": {"physics": {"lift": 1.0}}}, "world.physics.lift", UnknownKey),
+        ({"world": {"physics": {"contact_height": 0.0}}}, "world.physics.contact_height", OutOfRange),
+        ({"world": {"cameras": {"dropped": 1.5}}}, "world.cameras.dropped", OutOfRange("dropped", 1.5, 0, 1)),
+        ({"world": {"domain_randomization": {"drag": -0.1}}}, "world.domain_randomization.drag", OutOfRange),
+        ({"world": {"plant": {"time_constant": float("nan")}}}, "world.plant.time_constant", NotFinite),
+        ({"world": {"plant": {"q_step": True}}}, "world.plant.q_step", WrongType),
+        ({"scale": [3, 11]}, "scale", OutOfRange("scale", 11, 1, 10)),
+        ({"scale": [3, "4"]}, "scale[1]", WrongType),
+        ({"scale": 10**30}, "scale", WrongType),
+        ({"kind": "lob"}, "kind", BadChoice),
+        ({"name": "mine"}, "name", UnknownKey),
+        ({"shots": "given"}, "", TtError),
         (
             {"shots": "given", "images": False, "ball": {"position": [2.6, 0.7, 0.3], "velocity": [-17, 0, 0], "spin": [0, 0, 0]}},
-            "mine.yaml: speed of the ball without images: 17 is outside [0, 16]",
+            "speed of the ball without images",
+            OutOfRange("speed of the ball without images", 17, 0, 16),
         ),
-        ({"session": 20}, "mine.yaml: session = 20 goes with a launcher.rate"),
-        ({"session": 1, "launcher": {"rate": 60}}, "mine.yaml: session: 1 is outside [2, 1000]"),
-        ({"shots": "rotation", "launcher": {"rate": 60}}, "mine.yaml: launcher.rate = 60 goes with balls that fly"),
-        ({"world": {"tracking_cameras": {"noise": -0.1}}}, "mine.yaml: world.tracking_cameras.noise: -0.1 is outside [0, 10]"),
-        ({"goal": {"landing": [2.0], "flight_time": 0.5, "spin_y": 0, "spin_z": 0}}, "mine.yaml: goal: landing has shape"),
-        ({"goal": {"landing": [2.0, 0.7]}}, "mine.yaml: goal: "),
-        ({"world": "mars"}, "mars: no such file, and none of the worlds here, harsh, ideal, liu, real"),
-        ("a word", "mine.yaml: 'a word' is not a mapping"),
+        ({"session": 20}, "", TtError),
+        ({"session": 1, "launcher": {"rate": 60}}, "session", OutOfRange("session", 1, 2, 1000)),
+        ({"shots": "rotation", "launcher": {"rate": 60}}, "", TtError),
+        ({"world": {"tracking_cameras": {"noise": -0.1}}}, "world.tracking_cameras.noise", OutOfRange("noise", -0.1, 0, 10)),
+        ({"goal": {"landing": [2.0], "flight_time": 0.5, "spin_y": 0, "spin_z": 0}}, "goal.landing", BadShape),
+        ({"goal": {"landing": [2.0, 0.7], "flight_time": 0.5, "spin_y": 0}}, "goal.spin_z", MissingKey),
+        ("a word", "", WrongType),
     ],
 )
-def test_what_is_wrong_is_told_by_its_path(content, told, tmp_path):
+def test_what_is_wrong_is_told_by_its_path(content, path, cause, tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(yaml.safe_dump(content))
     with pytest.raises(BadFile) as error:
         load(str(file))
-    assert str(error.value).startswith(told)
+    assert error.value.file == "mine.yaml"
+    (problem,) = error.value.problems
+    assert problem.path == path
+    assert str(error.value).startswith(f"mine.yaml: {path}: " if path else "mine.yaml: ")
+    if isinstance(cause, OutOfRange):
+        assert (problem.cause.value, problem.cause.low, problem.cause.high) == (cause.value, cause.low, cause.high)
+    else:
+        assert isinstance(problem.cause, cause)
 
 
-def test_a_file_that_is_no_yaml_is_refused(tmp_path):
+def test_every_wrong_value_is_told_at_once(tmp_path):
     file = tmp_path / "mine.yaml"
-    file.write_text("launcher:\n  rate: 30\n  rate: 60\n")
-    with pytest.raises(BadFile, match=r"^mine\.yaml: rate is given twice"):
+    file.write_text("launcher: {rate: -3, z: 9, rte: 1}\nrobot: {latency: soon, intercept: {spacing: 0}}\ntick: true")
+    with pytest.raises(BadFile) as error:
         load(str(file))
-    file.write_text("a: [1, 2")
-    with pytest.raises(BadFile, match=r"^mine\.yaml: "):
+    wrong = {"launcher.rte", "launcher.rate", "launcher.z", "robot.latency", "robot.intercept.spacing", "tick"}
+    assert {p.path for p in error.value.problems} == wrong
+    file.write_text("launcher: {rate: -3, z: 9}")
+    with pytest.raises(BadFile) as error:
         load(str(file))
-    with pytest.raises(BadFile, match="no such file"):
-        load(str(tmp_path / "other.yaml"))
+    assert [p.path for p in error.value.problems] == ["launcher.rate", "launcher.z"]
+    assert str(error.value).splitlines()[0] == "mine.yaml: launcher.rate: -3 is outside [26, 94]"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "launcher:\n  rate: 30\n  rate: 60\n",
+        "a: [1, 2",
+        "? {a: 1}\n: 2",
+        "scale: !!int ''",
+        "2001-99-99: 1",
+        "kind: !!python/object:os.system x",
+    ],
+)
+def test_a_file_that_is_no_yaml_is_refused(text, tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(BadFile) as error:
+        load(str(file))
+    assert error.value.file == "mine.yaml" and isinstance(error.value.problems[0].cause, Unreadable)
+
+
+@pytest.mark.parametrize("content", [{"world": "mars"}, {"robot": "mars"}])
+def test_a_file_that_is_not_there_is_refused_by_its_name(content, tmp_path):
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(content))
+    for name, missing in ((tmp_path / "mine.yaml", "mars"), (tmp_path / "other.yaml", str(tmp_path / "other.yaml"))):
+        with pytest.raises(BadFile) as error:
+            load(str(name))
+        assert error.value.file == missing and isinstance(error.value.problems[0].cause, Unreadable)
 
 
 def test_a_scenario_names_files_beside_it(tmp_path):

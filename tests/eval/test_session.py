@@ -6,8 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from tt_eval.episode import play, session
+from tt_eval.miss import Miss
 from tt_eval.scenario import load
 from tt_eval.sweep import part
+from tt_sim.world.outcome import Result
 
 FAST = replace(load("pace", images=False), session=3)
 SLOW = replace(FAST, launcher=replace(FAST.launcher, rate=26.0))
@@ -35,7 +37,7 @@ def test_the_arm_is_where_the_last_ball_has_left_it(fast):
 
 def test_the_first_ball_meets_an_arm_that_waits():
     first, alone = session(SLOW, 0)[0], play(load("liu", images=False), 0)
-    assert first.outcome.result == alone.outcome.result == "returned"
+    assert first.outcome.result is alone.outcome.result is Result.RETURNED
     # 1e-6 rad/s and m/s, as between the swift swing and the ticks
     assert first.outcome.landing.before.vector == pytest.approx(alone.outcome.landing.before.vector, abs=1e-6)
 
@@ -43,13 +45,13 @@ def test_the_first_ball_meets_an_arm_that_waits():
 def test_slow_balls_are_returned_and_most_fast_ones():
     assert [episode.miss for episode in session(SLOW, 2)] == [None, None, None]  # 2.3 s apart; the arm waits again after 2 s
     fast = [episode.miss for number in (0, 1, 2, 3) for episode in session(FAST, number)]  # 0.64 s apart: the arm needs as long to be back
-    assert {None, "too late"} == set(fast)
+    assert {None, Miss.TOO_LATE} == set(fast)
     assert fast.count(None) >= 9  # of 12; 10 on the day, 8 when the arm does not hurry
 
 
 def test_a_ball_is_one_of_its_session(fast):
     again = play(FAST, 4)
-    assert again.outcome.told() == fast[1].outcome.told()
+    assert again.outcome.to_text() == fast[1].outcome.to_text()
     assert again.joints == pytest.approx(fast[1].joints, abs=0.0)
 
 

@@ -7,11 +7,12 @@ import pytest
 from tt_core.flight import Aerodynamics
 from tt_core.states import BallState
 from tt_eval.episode import play
+from tt_eval.miss import Miss
 from tt_eval.scenario import Robot, Scenario, load
 from tt_eval.video_scoring import fitted, kinks, score_from_video
 from tt_sim.cameras.tracking_cameras import Sightings, TrackingCameraFaults
-from tt_sim.world.outcome import Outcome, places
-from tt_sim.world.true_ball import Contact
+from tt_sim.world.outcome import Outcome, Result, places
+from tt_sim.world.true_ball import Contact, Surface
 
 AIR = Aerodynamics.measured().coefficients
 
@@ -47,7 +48,7 @@ def test_the_judge_agrees_with_the_truth(world):
         episode = play(load(world, images=False), seed)
         true, seen = episode.outcome, episode.judged
         assert seen.result == true.result and episode.judged_miss == episode.miss
-        if true.result == "returned":
+        if true.result is Result.RETURNED:
             returned += 1
             assert seen.landing.before.position[:2] == pytest.approx(true.landing.before.position[:2], abs=5 * sigma[0])
             assert seen.landing.before.time == pytest.approx(true.landing.before.time, abs=5 * sigma[1])
@@ -70,9 +71,9 @@ def test_perfect_cameras_and_a_known_air_see_the_truth():
 @pytest.mark.parametrize(
     ("velocity", "result", "surface"),
     [
-        ([6.0, 0.0, 2.0], "off the table", "floor"),  # long
-        ([2.5, 1.4, 2.5], "off the table", "floor"),  # wide
-        ([1.0, 0.0, 1.0], "own half", "table"),
+        ([6.0, 0.0, 2.0], Result.OFF_TABLE, Surface.FLOOR),  # long
+        ([2.5, 1.4, 2.5], Result.OFF_TABLE, Surface.FLOOR),  # wide
+        ([1.0, 0.0, 1.0], Result.OWN_HALF, Surface.TABLE),
     ],
 )
 def test_what_is_not_a_return_is_told_apart(velocity, result, surface):
@@ -85,15 +86,15 @@ def test_what_is_not_a_return_is_told_apart(velocity, result, surface):
     end = places(back.vector, np.array([fall - 0.5]), air.coefficients)[0]
     speed = np.array([*velocity[:2], velocity[2] - 9.8 * (fall - 0.5)])
     down, up = BallState(fall, end, speed, [0, 0, 0]), BallState(fall, end, speed * [1, 1, -0.9], [0, 0, 0])
-    contacts = [Contact("racket", BallState(0.5, at, [-4, 0, -2.5], [0, 0, 0]), back)]
-    contacts.append(Contact(surface, down, up if surface == "table" else down))
+    contacts = [Contact(Surface.RACKET, BallState(0.5, at, [-4, 0, -2.5], [0, 0, 0]), back)]
+    contacts.append(Contact(surface, down, up if surface is Surface.TABLE else down))
     seen = Sightings.of(Outcome(coming, contacts), air.coefficients, TrackingCameraFaults(), np.random.default_rng(0))
-    assert score_from_video(seen, air.coefficients).result == result
+    assert score_from_video(seen, air.coefficients).result is result
 
 
 def test_a_ball_that_nobody_met_is_missed_and_one_that_nobody_saw_too():
     scenario = Scenario("top", 4, robot=Robot(latency=1.5), images=False)
     episode = play(scenario, 0)
-    assert episode.judged.result == episode.outcome.result == "missed" and episode.judged_miss == episode.miss == "too late"
+    assert episode.judged.result is episode.outcome.result is Result.MISSED and episode.judged_miss is episode.miss is Miss.TOO_LATE
     blind = play(replace(scenario, world=replace(scenario.world, tracking_cameras=TrackingCameraFaults(dropped=1.0))), 0)
-    assert len(blind.sightings.times) == 0 and blind.judged.result == "missed"
+    assert len(blind.sightings.times) == 0 and blind.judged.result is Result.MISSED

@@ -55,5 +55,5 @@ def test_a_touch_is_told_with_what_was_touched():
     folded = next(q for q in postures if clearance(q, MODEL.chain)[0] <= 0.0)
     left, _ = clearance(folded, MODEL.chain)
     assert record.note(state(1, folded)) and record.clearance[0] == left
-    told = record.told()
+    told = record.to_text()
     assert float(told["clearance"]) == pytest.approx(left) and told["nearest"] == record.nearest

@@ -14,11 +14,11 @@ from tt_sim.cameras.render_worker import LaunchRenderer, RenderWorker
 
 @pytest.fixture
 def hire():
-    """hire(studio): a worker that goes home after the test."""
+    """hire(renderer): a worker that is closed after the test."""
     workers = []
 
-    def hire(studio):
-        workers.append(RenderWorker(studio))
+    def hire(renderer):
+        workers.append(RenderWorker(renderer))
         return workers[-1]
 
     yield hire
@@ -26,34 +26,34 @@ def hire():
         worker.close()
 
 
-def test_a_take_is_a_ball_and_its_images(hire):
-    studio = LaunchRenderer(seed=3, faults=CameraFaults(latency=0.004, jitter=5e-4))
-    one, other = (hire(studio).take("back", 4) for _ in range(2))
-    assert len(one.shown) > 30
-    assert {shown.side for shown in one.shown} == {0, 1}
-    due = np.array([shown.due for shown in one.shown])
-    assert (np.diff(due) >= 0.0).all() and due == pytest.approx([shown.stamp + 0.004 for shown in one.shown])
+def test_a_launch_is_a_ball_and_its_images(hire):
+    renderer = LaunchRenderer(seed=3, faults=CameraFaults(latency=0.004, jitter=5e-4))
+    one, other = (hire(renderer).render("back", 4) for _ in range(2))
+    assert len(one.images) > 30
+    assert {image.side for image in one.images} == {0, 1}
+    due = np.array([image.due for image in one.images])
+    assert (np.diff(due) >= 0.0).all() and due == pytest.approx([image.stamp + 0.004 for image in one.images])
     assert one.ball.vector == pytest.approx(other.ball.vector, abs=0.0)
-    assert all((a.image == b.image).all() for a, b in zip(one.shown, other.shown, strict=True))
+    assert all((a.image == b.image).all() for a, b in zip(one.images, other.images, strict=True))
 
 
-def test_a_closed_worker_takes_no_more(hire):
-    worker, takes = hire(LaunchRenderer()), []
-    waiting = threading.Thread(target=lambda: takes.append(worker.take("top", 3)))
+def test_a_closed_worker_renders_no_more(hire):
+    worker, launches = hire(LaunchRenderer()), []
+    waiting = threading.Thread(target=lambda: launches.append(worker.render("top", 3)))
     waiting.start()
     time.sleep(0.1)
     worker.close()
     waiting.join(10.0)
-    assert takes == [None]  # 0.1 s is less than Python takes to start there
-    assert worker.take("top", 3) is None
+    assert launches == [None]  # 0.1 s is less than Python takes to start there
+    assert worker.render("top", 3) is None
 
 
 def test_a_worker_that_has_ended_is_told(hire):
     worker = hire(LaunchRenderer())
     (process,) = psutil.Process().children()
     process.kill()
-    with pytest.raises(EOFError, match="has ended"):
-        worker.take("top", 3)
+    with pytest.raises(EOFError):
+        worker.render("top", 3)
 
 
 def test_the_worker_ends_with_the_process_that_started_it():
@@ -62,7 +62,7 @@ def test_the_worker_ends_with_the_process_that_started_it():
         "from tt_sim.cameras.render_worker import LaunchRenderer, RenderWorker\n"
         "worker = RenderWorker(LaunchRenderer())\n"
         "print(worker._process.pid, flush=True)\n"
-        "worker.take('top', 3)"
+        "worker.render('top', 3)"
     )
     with subprocess.Popen([sys.executable, "-c", starter], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         worker = psutil.Process(int(process.stdout.readline()))

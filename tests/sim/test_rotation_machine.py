@@ -9,6 +9,7 @@ from tt_eval.sweep import part
 from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.render import Scene
 from tt_sim.world import rotation_machine
+from tt_sim.world.outcome import Result
 from tt_vision.rig import VIEW_CENTRE
 
 
@@ -46,5 +47,5 @@ def test_a_sweep_tells_the_errors_of_the_measurement():
 
 def test_the_error_model_plays_it_too():
     episode = play(load("rotation", images=False), 2)
-    assert episode.measured is not None and episode.outcome.result == episode.judged.result == "missed"
+    assert episode.measured is not None and episode.outcome.result is episode.judged.result is Result.MISSED
     assert episode.measured.position == pytest.approx(VIEW_CENTRE, abs=2e-3)  # m

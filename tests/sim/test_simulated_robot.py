@@ -9,6 +9,7 @@ from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_sim.simulated_robot import SimulatedRobot
 from tt_sim.world.plant import Plant
+from tt_sim.world.true_ball import Surface
 
 MODEL, PHYSICS, TICK = ArmModel.pa10(), Physics.liu(), 0.002
 
@@ -33,10 +34,10 @@ def test_a_ball_onto_the_waiting_racket_is_a_hit_and_is_over_once():
     start = position + 0.3 * rotation[:, 2] + [0, 0, 0.02]
     machine.launch(BallState(10.0, start, -6.0 * rotation[:, 2], [0, 0, 0]))
     ticks = [machine.advance(np.zeros(7)) for _ in range(1500)]
-    assert machine.outcome.hit is not None and machine.outcome.contacts[0].surface == "racket"
+    assert machine.outcome.hit is not None and machine.outcome.contacts[0].surface is Surface.RACKET
     assert [outcome for tick in ticks for outcome in tick.ended] == [machine.outcome]
     assert ticks[-1].ball is None
-    told = machine.outcome.told()
+    told = machine.outcome.to_text()
     assert told["result"] == machine.outcome.result and told["hit"].startswith("[10.0")
 
 

@@ -11,7 +11,7 @@ from tt_core.states import BallState
 from tt_sim.cameras.tracking_cameras import Sightings, TrackingCameraFaults, TrackingCameraPair, believed
 from tt_sim.render import Lamp, Lamps, Noise, Texture, render
 from tt_sim.world.outcome import AFTER_LANDING, Outcome, places
-from tt_sim.world.true_ball import Contact
+from tt_sim.world.true_ball import Contact, Surface
 from tt_vision.camera import triangulate
 
 AIR = Aerodynamics.measured().coefficients
@@ -39,7 +39,7 @@ def test_a_flight_is_seen_on_both_sides_of_a_contact_until_it_is_over():
     hit = BallState.from_vector(5.6, fly(launched.vector, 0.6, AIR))
     back = BallState(5.6, hit.position, [3.0, 0.0, 2.0], [0, 50, 0])
     landing = BallState.from_vector(6.1, fly(back.vector, 0.5, AIR))
-    outcome = Outcome(launched, [Contact("racket", hit, back), Contact("table", landing, landing)])
+    outcome = Outcome(launched, [Contact(Surface.RACKET, hit, back), Contact(Surface.TABLE, landing, landing)])
     seen = Sightings.of(outcome, AIR, PERFECT, np.random.default_rng(0))
     assert np.diff(seen.times) == pytest.approx(1 / 150, abs=1e-9)
     assert 5.0 <= seen.times[0] < 5.0 + 1 / 150 and 6.1 + AFTER_LANDING - 1 / 150 <= seen.times[-1] <= 6.1 + AFTER_LANDING

@@ -10,7 +10,7 @@ from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState
 from tt_eval.scenario import load
 from tt_predict.rollout import StopRule, rollout
-from tt_sim.world.true_ball import RACKET_RADIUS, RacketMotion, World
+from tt_sim.world.true_ball import RACKET_RADIUS, RacketMotion, Surface, World
 
 AWAY = RacketMotion(np.array([-9.0, 0, 9]), np.eye(3), np.zeros(3), np.zeros(3))
 TICK = 0.002
@@ -80,7 +80,7 @@ def test_a_ball_that_grazes_an_edge_between_ticks_is_found():
     nearest = np.array([-c, 0.7, c, 3.0, 0, 3.0, 0, 0, 0])
     world.ball = BallState.from_vector(0.0, fly(nearest, -0.003, Physics.liu().air.coefficients))
     (contact,) = advance(world, 0.006)
-    assert contact.surface == "table" and contact.edge
+    assert contact.surface is Surface.TABLE and contact.edge
 
 
 def test_the_edge_sends_the_ball_off_the_line_to_the_nearest_point():
@@ -123,7 +123,7 @@ def test_ticks_do_not_change_the_path():
     world.ball = ball
     contacts = advance(world, 0.5)
     path = rollout(ball, Physics.liu(), StopRule.at_time(0.5))
-    assert [c.surface for c in contacts] == ["table"]
+    assert [c.surface for c in contacts] == [Surface.TABLE]
     assert contacts[0].before.time == pytest.approx(path.bounces[0].time, abs=1e-9)
     assert world.ball.vector == pytest.approx(path.end.vector, abs=1e-6)
 
@@ -140,7 +140,7 @@ def test_a_moving_racket_is_met_at_its_face_and_gives_what_the_model_gives():
     world = World(physics)
     world.ball = BallState.from_vector(0.0, start)
     (contact,) = advance(world, 0.15, racket)
-    assert contact.surface == "racket"
+    assert contact.surface is Surface.RACKET
     assert contact.before.time == pytest.approx(0.1, abs=1e-9)
     assert contact.offset == pytest.approx(0.0, abs=1e-7)
     velocity, spin = physics.racket.after(contact.before.velocity, contact.before.spin, state)
@@ -161,21 +161,21 @@ def test_the_racket_ends_at_its_rim(aside, met):
 @pytest.mark.parametrize(
     ("position", "velocity", "surface"),
     [
-        ([1.6, 0.7, 0.1], [-5, 0, 0], "net"),
-        ([1.6, 0.7, 0.16], [-8, 0, 0], "net"),
-        ([1.1, 0.7, 0.1], [5, 0, 0], "net"),
-        ([1.6, 0.7, 0.3], [-5, 0, 0], "table"),
-        ([1.6, -0.5, 0.1], [-8, 0, 0], "floor"),
-        ([-0.5, 0.7, 0.1], [-1, 0, 0], "floor"),
+        ([1.6, 0.7, 0.1], [-5, 0, 0], Surface.NET),
+        ([1.6, 0.7, 0.16], [-8, 0, 0], Surface.NET),
+        ([1.1, 0.7, 0.1], [5, 0, 0], Surface.NET),
+        ([1.6, 0.7, 0.3], [-5, 0, 0], Surface.TABLE),
+        ([1.6, -0.5, 0.1], [-8, 0, 0], Surface.FLOOR),
+        ([-0.5, 0.7, 0.1], [-1, 0, 0], Surface.FLOOR),
     ],
 )
 def test_what_a_ball_meets_first(position, velocity, surface):
     world = World(Physics.liu())
     world.ball = BallState(0.0, position, velocity, [0, 0, 0])
     first = advance(world, 0.6)[0]
-    assert first.surface == surface
-    if surface == "net":
+    assert first.surface is surface
+    if surface is Surface.NET:
         assert (first.after.position[0] - NET_X) * velocity[0] < 0  # it stays on its side
-    if surface == "floor":
+    if surface is Surface.FLOOR:
         assert first.before.position[2] == pytest.approx(FLOOR_Z + BALL_RADIUS, abs=1e-9)
         assert world.ball is None

@@ -9,6 +9,7 @@ import numpy as np
 from tt_core.constants import RPM
 from tt_core.flight import Aerodynamics, fly
 from tt_core.states import BallState, ReturnGoal
+from tt_sim.world.outcome import Result
 
 SEEN_WITHIN = 0.5  # s from the launch to the last frame of its measurement
 
@@ -95,14 +96,14 @@ def demo_metrics(
     true = None
     if measured:
         true = BallState.from_vector(measured.time, fly(launched.vector, measured.time - launched.time, air.coefficients))
-    result = told["result"]
-    reason = None if result == "returned" else result if measured and not refusal else refusal or "not seen"
+    result = Result(told["result"])
+    reason = None if result is Result.RETURNED else result.value if measured and not refusal else refusal or "not seen"
     spin_true = (true or launched).spin
     return DemoMetrics(
         kind=told["shot"],
         seen=measured is not None,
         hit=hit is not None,
-        landed=result == "returned",
+        landed=result is Result.RETURNED,
         reason=reason,
         speed_true=float(np.linalg.norm(true.velocity)) if true else None,
         speed_measured=float(np.linalg.norm(measured.velocity)) if measured else None,

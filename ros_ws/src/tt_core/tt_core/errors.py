@@ -52,6 +52,13 @@ class BadMessage(TtError):
     """A message whose content is not what its topic carries."""
 
 
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
+    """Return `value` if it is one of `choices`; raise BadChoice otherwise."""
+    if value not in choices:
+        raise BadChoice(name, value, choices)
+    return value
+
+
 def check_range(name: str, value: float, low: float, high: float) -> float:
     """Check a number.
 

@@ -38,8 +38,9 @@ from tt_sim.render import Scene, Texture
 from tt_sim.simulated_robot import SimulatedRobot
 from tt_sim.world import rotation_machine
 from tt_sim.world.launcher import launch
-from tt_sim.world.outcome import Outcome
+from tt_sim.world.outcome import Outcome, Result
 from tt_sim.world.plant import Plant
+from tt_sim.world.true_ball import Surface
 from tt_vision.camera import Camera
 from tt_vision.capture.assembler import Assembler
 from tt_vision.measure import Measurement, measure_burst
@@ -47,6 +48,7 @@ from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
 from .fast_swing import rally
+from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
 from .video_scoring import score_from_video
@@ -145,17 +147,17 @@ class Episode:
         return self._reason(self.outcome)
 
     @property
-    def miss(self) -> str | None:
-        """The kind of failure, one of MISSES; None when the ball came back."""
+    def miss(self) -> Miss | None:
+        """The kind of failure; None when the ball came back."""
         return self._miss(self.outcome)
 
     @property
-    def judged_miss(self) -> str | None:
+    def judged_miss(self) -> Miss | None:
         """The same by the wide cameras, and by what the robot tells of itself."""
         return self._miss(self.judged)
 
     def _reason(self, outcome: Outcome) -> str | None:
-        if outcome.result == "returned":
+        if outcome.result is Result.RETURNED:
             return None
         if self.measured is None:
             return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
@@ -166,39 +168,33 @@ class Episode:
             return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
         return outcome.result
 
-    def _miss(self, outcome: Outcome) -> str | None:
+    def _miss(self, outcome: Outcome) -> Miss | None:
         reason = self._reason(outcome)
         if reason is None:
             return None
         if self.measured is None:
-            return "refused spin" if self.measurement and self.measurement.spin else "not seen"
+            return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
         if self.candidates is None or not self.candidates.strokes:
             slow = (
                 Counter(failure.code is StrokeFailure.RACKET_TOO_FAST for _, failure in self.candidates.refused) if self.candidates else {}
             )
-            return "racket too slow" if slow.get(True, 0) > slow.get(False, 0) else "out of reach"
+            return Miss.RACKET_TOO_SLOW if slow.get(True, 0) > slow.get(False, 0) else Miss.OUT_OF_REACH
         if reason.startswith("arm"):
             reasons = self.choice.reasons if self.choice else ()
             if not reasons or any("too soon" in why or "only" in why for why in reasons):
-                return "too late"
-            return "racket too slow" if any("speed limits" in why or "torque" in why for why in reasons) else "out of reach"
-        return {"own half": "short", "off the table": self._beyond(outcome)}.get(reason, reason)
+                return Miss.TOO_LATE
+            return Miss.RACKET_TOO_SLOW if any("speed limits" in why or "torque" in why for why in reasons) else Miss.OUT_OF_REACH
+        return self._beyond(outcome) if outcome.result is Result.OFF_TABLE else OF_RESULT[outcome.result]
 
-    def _beyond(self, outcome: Outcome) -> str:
+    def _beyond(self, outcome: Outcome) -> Miss:
         """Long or wide: where a ball that went past the table came down to its height."""
         landing = outcome.landing
         if landing is None:
-            return "long"
+            return Miss.LONG
         row, air = landing.before.vector, self.trial.physics.air.coefficients
         while row[2] < self.trial.physics.contact_height and row[5] < 0.0:
             row = fly(row, -0.002, air)
-        return "long" if 0.0 <= row[1] <= TABLE_WIDTH else "wide"
-
-
-MISSES = (
-    "not seen", "refused spin", "out of reach", "too late", "racket too slow",
-    "missed", "net", "long", "wide", "short", "double bounce", "second hit", "flying",
-)  # fmt: skip
+        return Miss.LONG if 0.0 <= row[1] <= TABLE_WIDTH else Miss.WIDE
 
 
 @functools.cache
@@ -355,7 +351,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
 def landing_error(episode: Episode) -> float | None:
     """m, from the asked landing place to the reached one; None when the ball did not come to the table."""
     landing, goal = episode.outcome.landing, episode.goal
-    if landing is None or goal is None or landing.surface != "table":
+    if landing is None or goal is None or landing.surface is not Surface.TABLE:
         return None
     return float(np.hypot(*(landing.before.position[:2] - goal.landing)))
 

@@ -23,7 +23,8 @@ from tt_sim.cameras.tracking_cameras import believed
 from tt_sim.world.outcome import Outcome
 from tt_vision.camera import triangulate
 
-from .episode import MISSES, Episode, play
+from .episode import Episode, play
+from .miss import Miss
 from .scenario import load
 from .sweep_metrics import NUMBERS, TEXTS
 
@@ -43,13 +44,13 @@ BLUE, RED, GREEN, GREY = "#1b5e9b", "#c0392b", "#2d8a4e", "#444"
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """name: of the scenario. numbers: by column. misses, judged: why each ball did not come back, "" for a return, in truth and by the wide
-    cameras."""
+    """name: of the scenario. numbers: by column. misses, judged: why each ball did not come back, None for a return, in truth and by the
+    wide cameras."""
 
     name: str
     numbers: dict[str, Array]
-    misses: list[str]
-    judged: list[str]
+    misses: list[Miss | None]
+    judged: list[Miss | None]
 
     @classmethod
     def read(cls, file: Path) -> Sweep:
@@ -62,8 +63,8 @@ class Sweep:
         if missing:
             raise TtError(f"{file} has no column {missing[0]}: sweep it again")
         name = (table.schema.metadata or {}).get(b"scenario", file.stem.encode()).decode()
-        texts = (table[name].to_pylist() for name in ("miss", "judged_miss"))
-        return cls(name, {column: table[column].to_numpy() for column in NUMBERS}, *texts)
+        misses = ([Miss(word) if word else None for word in table[name].to_pylist()] for name in ("miss", "judged_miss"))
+        return cls(name, {column: table[column].to_numpy() for column in NUMBERS}, *misses)
 
 
 def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:
@@ -72,9 +73,9 @@ def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:
     return (float(np.median(there)), float(np.percentile(there, 95))) if len(there) else (float("nan"), float("nan"))
 
 
-def why(misses: Sequence[str]) -> dict[str, int]:
-    """How often each reason of MISSES, the frequent first."""
-    counts = {miss: list(misses).count(miss) for miss in MISSES}
+def why(misses: Sequence[Miss | None]) -> dict[Miss, int]:
+    """How often each kind of miss, the frequent first."""
+    counts = {miss: list(misses).count(miss) for miss in Miss}
     return {miss: n for miss, n in sorted(counts.items(), key=lambda item: -item[1]) if n}
 
 
@@ -82,7 +83,7 @@ def _cell(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
-def returns(numbers: dict[str, Array], misses: Sequence[str], who: str = "") -> list[str]:
+def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str = "") -> list[str]:
     """The cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras tell."""
     shares = [100.0 * float(numbers[f"{who}{name}"].mean()) for name in ("hit", "landed")]
     errors = (("landing_error", 100.0), ("time_error", 1e3), ("return_spin_error", 1.0))
@@ -178,12 +179,12 @@ def judged_off(numbers: dict[str, Array]) -> go.Figure:
     return figure.update_layout(title="The judge's own error: judged minus true", showlegend=False, height=400)
 
 
-def reasons(misses: Sequence[str], judged: Sequence[str]) -> go.Figure:
+def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.Figure:
     true, told = why(misses), why(judged)
     names = [*true, *(name for name in told if name not in true)]
     figure = go.Figure()
     for name, counts, colour in (("true", true, BLUE), ("judged", told, RED)):
-        figure.add_bar(x=names, y=[counts.get(miss, 0) for miss in names], name=name, marker_color=colour)
+        figure.add_bar(x=[miss.value for miss in names], y=[counts.get(miss, 0) for miss in names], name=name, marker_color=colour)
     if not names:
         figure.add_annotation(text="none was missed", showarrow=False, font={"size": 16}, xref="paper", yref="paper", x=0.5, y=0.5)
         figure.update_xaxes(visible=False).update_yaxes(visible=False)

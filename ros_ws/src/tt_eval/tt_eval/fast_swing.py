@@ -18,9 +18,9 @@ from tt_arm.trajectory.profiles import evaluate
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_sim.world.plant import Plant, advance_joints
-from tt_sim.world.true_ball import RACKET_RADIUS, Contact, contacts_from, travel
+from tt_sim.world.true_ball import CONTACT_LOG, Coefficients, Contact, contacts_from, travel
 
-SHOWN = 8  # contacts, more than a ball has from launch to landing
+MOST_CONTACTS = 8  # more than a ball has from launch to landing
 AFTER_STRIKE = 0.06  # s that the swing is followed on
 GUARD, SERVO, LIMITS = GuardParams(), ServoParams(), SwingLimits()
 
@@ -98,9 +98,8 @@ def rally(
     if not silent or (params.torque_share > 0.0 and not _strong_enough(plant, joints, tick)):
         return None
     rackets[-1, 6:] = 0.0  # it stays there
-    state, log = ball.vector, np.empty((SHOWN, 22))
-    models = physics.air.coefficients, physics.table.coefficients, physics.racket.coefficients
-    met, _, _ = travel(state, ball.time - time, longest - time, rackets, tick, *models, physics.contact_height, RACKET_RADIUS, log)
+    log = np.empty(MOST_CONTACTS, dtype=CONTACT_LOG)
+    met, _, _ = travel(ball.vector, ball.time - time, longest - time, rackets, tick, Coefficients.of(physics), log)
     return contacts_from(log[:met], time), joints
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError, check_choice, check_range
 from tt_core.physics import Physics
 from tt_core.states import BallState, ReturnGoal
-from tt_core.strict_yaml import build, find, names, one_of, read
+from tt_core.strict_yaml import build, find, names, not_in_file, read
 from tt_racket.goal import GoalParams
 from tt_racket.intercept import InterceptParams
 from tt_sim.world.launcher import KINDS, MIXED, LauncherParams, row
@@ -42,9 +42,9 @@ class Robot:
 
     def __post_init__(self) -> None:
         check_range("latency", self.latency, 0.0, 2.0)
-        one_of("stroke", self.stroke, ("exact", "sam", "specular"))
-        one_of("reach", self.reach, ("best", "liu"))
-        one_of("spin", self.spin, ("measured", "ignored"))
+        check_choice("stroke", self.stroke, ("exact", "sam", "specular"))
+        check_choice("reach", self.reach, ("best", "liu"))
+        check_choice("spin", self.spin, ("measured", "ignored"))
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class Scenario:
     session: int | None = None
     images: bool = True
     tick: float = 0.002
-    name: str = ""
+    name: str = field(default="", metadata=not_in_file())
 
     def __post_init__(self) -> None:
         check_range("tick", self.tick, 5e-4, 0.02)
-        one_of("sensor_error_model", self.world.sensor_error_model, tuple(names(HOME / "sensor_error_models")))
-        one_of("kind", self.kind, (*KINDS, MIXED))
-        one_of("shots", self.shots, ("catapult", "rallies", "given", "rotation"))
+        check_choice("sensor_error_model", self.world.sensor_error_model, tuple(names(HOME / "sensor_error_models")))
+        check_choice("kind", self.kind, (*KINDS, MIXED))
+        check_choice("shots", self.shots, ("catapult", "rallies", "given", "rotation"))
         if not self.scales:
             raise TtError("scale = () is empty")
         for scale in self.scales:

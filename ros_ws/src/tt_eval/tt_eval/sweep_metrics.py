@@ -7,7 +7,7 @@ import math
 import numpy as np
 from tt_core.constants import RPM
 from tt_core.states import ReturnGoal
-from tt_sim.world.outcome import Outcome
+from tt_sim.world.outcome import Outcome, Result
 
 from .episode import Episode, spin_error, truth
 
@@ -27,7 +27,12 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
     trial, outcome, goal, choice = episode.trial, episode.outcome, episode.goal, episode.choice
     judged = episode.judged
     row: dict[str, float | str] = dict.fromkeys(NUMBERS, math.nan)
-    row |= {"kind": trial.kind, "miss": episode.miss or "", "reason": episode.reason or "", "judged_miss": episode.judged_miss or ""}
+    row |= {
+        "kind": trial.kind,
+        "miss": str(episode.miss or ""),
+        "reason": str(episode.reason or ""),
+        "judged_miss": str(episode.judged_miss or ""),
+    }
     row |= {"seed": trial.seed, "scale": trial.scale, "seen": episode.measured is not None}
     row |= {"speed": float(np.linalg.norm(trial.ball.velocity)), "spin_rpm": float(np.linalg.norm(trial.ball.spin)) / RPM}
     if episode.measured is not None:
@@ -47,7 +52,7 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
     if goal is not None:
         row |= {"asked_x": float(goal.landing[0]), "asked_y": float(goal.landing[1])}
     for who, prefix in ((outcome, ""), (judged, "judged_")):
-        row |= {f"{prefix}hit": who.hit is not None, f"{prefix}landed": who.result == "returned"}
+        row |= {f"{prefix}hit": who.hit is not None, f"{prefix}landed": who.result is Result.RETURNED}
         if goal is not None:
             row |= {f"{prefix}{name}": value for name, value in _returned(who, goal).items()}
     return {key: value if isinstance(value, str) else float(value) for key, value in row.items()}
@@ -56,7 +61,7 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
 def _returned(outcome: Outcome, goal: ReturnGoal) -> dict[str, float]:
     """All of RETURN of a ball that came back, else none."""
     hit, landing = outcome.hit, outcome.landing
-    if hit is None or landing is None or outcome.result != "returned":
+    if hit is None or landing is None or outcome.result is not Result.RETURNED:
         return {}
     (x, y, _), (_, spin_y, spin_z) = landing.before.position.tolist(), hit.after.spin.tolist()
     flight_time = landing.before.time - hit.before.time

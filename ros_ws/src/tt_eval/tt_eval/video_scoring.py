@@ -20,7 +20,7 @@ from tt_core.flight import fly
 from tt_core.states import Array, BallState
 from tt_sim.cameras.tracking_cameras import Sightings, believed
 from tt_sim.world.outcome import Outcome, places
-from tt_sim.world.true_ball import Contact
+from tt_sim.world.true_ball import Contact, Surface
 from tt_vision.camera import triangulate
 from tt_vision.rig import WIDE_RATE
 
@@ -77,16 +77,16 @@ def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
     return np.flatnonzero(kink)
 
 
-def _surface(ball: Array, after: Array) -> str | None:
+def _surface(ball: Array, after: Array) -> Surface | None:
     """What a ball (9,) met that goes on at velocity `after` (3,) m/s; None: nothing that is there."""
     x, y, z = ball[:3]
     before = ball[3:6]
     if before[0] < 0.0 < after[0] and x < NET_X - CLOSE:
-        return "racket"
+        return Surface.RACKET
     over = -CLOSE < x < TABLE_LENGTH + CLOSE and -CLOSE < y < TABLE_WIDTH + CLOSE and abs(z) < 2.0 * CLOSE
     if over and before[2] < after[2] and after[2] > 0.0 and before[0] * after[0] > 0.0:
-        return "table"
-    return "net" if abs(x - NET_X) < 2.0 * CLOSE and z < NET_HEIGHT + CLOSE else None
+        return Surface.TABLE
+    return Surface.NET if abs(x - NET_X) < 2.0 * CLOSE and z < NET_HEIGHT + CLOSE else None
 
 
 @njit(cache=True)
@@ -132,7 +132,7 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
             outcome.contacts.append(Contact(surface, _ball(before[0] + time, one), _ball(before[0] + time, other)))
     if flights[-1] is not None and outcome.hit is not None and outcome.landing is None:
         end = _past_the_table(*flights[-1], float(times[-1]), air)
-        outcome.contacts += [Contact("floor", end, end)] if end is not None else []
+        outcome.contacts += [Contact(Surface.FLOOR, end, end)] if end is not None else []
     return outcome
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from tt_core.errors import check_range
 from tt_core.params import check, param
 from tt_core.physics import Physics
 
@@ -14,22 +13,22 @@ FURTHEST = 3.0  # standard deviations that a draw goes
 
 @dataclass(frozen=True, slots=True)
 class DomainRandomization:
-    """Standard deviations, each as a share of its coefficient."""
+    """Standard deviations of the coefficients from ball to ball, each as a share of its coefficient."""
 
-    drag: float = param(0.0, "", "")
-    lift: float = param(0.0, "", "")
-    spin_decay: float = param(0.0, "", "")
-    restitution: float = param(0.0, "", "of the table")
-    friction: float = param(0.0, "", "")
-    grip: float = param(0.0, "", "")
-    rubber_restitution: float = param(0.0, "", "")
-    rubber_grip: float = param(0.0, "", "of the tangential coefficient; the turn that goes with it stays in proportion")
+    drag: float = param(0.0, "", "standard deviation of the drag coefficients, as a share of them", low=0.0, high=0.5)
+    lift: float = param(0.0, "", "standard deviation of the lift coefficients, as a share of them", low=0.0, high=0.5)
+    spin_decay: float = param(0.0, "", "standard deviation of the rate at which the spin decays, as a share of it", low=0.0, high=0.5)
+    restitution: float = param(0.0, "", "standard deviation of the restitution of the table, as a share of it", low=0.0, high=0.5)
+    friction: float = param(0.0, "", "standard deviation of the friction of the table, as a share of it", low=0.0, high=0.5)
+    grip: float = param(0.0, "", "standard deviation of the grip of the table, as a share of it", low=0.0, high=0.5)
+    rubber_restitution: float = param(0.0, "", "standard deviation of the restitution of the rubber, as a share of it", low=0.0, high=0.5)
+    rubber_grip: float = param(
+        0.0, "", "standard deviation of the tangential and rotational coefficients of the rubber, as a share of them", low=0.0, high=0.5
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
-        for field in fields(self):
-            check_range(field.name, getattr(self, field.name), 0.0, 0.5)
 
     def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
         """The physics of one trial. A coefficient is kept where its surface gives no energy."""

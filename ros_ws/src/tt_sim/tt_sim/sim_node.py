@@ -1,7 +1,7 @@
-"""Stands in for the hardware: catapult, ball, cameras and arm in one process, paced in real time.
+"""Stands in for the hardware: launcher, ball, cameras and arm in one process, paced in real time.
 
 A launch is rendered first, by another process, and flown when its images are ready: a flight up to the racket is known beforehand. A thread
-keeps the deadlines of frames and ticks, because timers of rclpy drift. What no one listens to is not made.
+keeps the deadlines of frames and ticks, because timers of rclpy drift. What nobody subscribes to is not published.
 """
 
 from __future__ import annotations
@@ -10,9 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,7 +27,6 @@ from std_srvs.srv import Trigger
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_core.errors import TtError
-from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
@@ -46,105 +43,58 @@ from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
-from tt_core.states import BallState
-from tt_vision.rig import FRAME_RATE, high_speed_pair
+from tt_core.states import Array, BallState
+from tt_vision.rig import high_speed_pair
 
-from .cameras.render_worker import LaunchRenderer, RenderedLaunch, RenderWorker
-from .cameras.tracking_cameras import TrackingCameras
-from .simulated_robot import SimulatedRobot, Tick, warm
+from .cameras.render_worker import LaunchRenderer
+from .launch_store import LaunchStore, ReadyLaunch
+from .sim_loop import SimLoop
+from .sim_params import SimParams
+from .simulated_robot import Tick, warm
 from .world.arm_record import ArmRecord
 from .world.drive import Drive, DriveParams
-from .world.launcher import LauncherParams, shot
+from .world.launcher import LauncherParams
+from .world.outcome import Outcome
 from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
-CAMERAS, WIDE = ("left", "right"), ("wide_left", "wide_right")
-STORE = 2  # launches rendered ahead, at a rate
-QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
+CAMERAS, TRACKING_CAMERAS = ("left", "right"), ("wide_left", "wide_right")
 NICE = -10  # priority: hardware does not wait for a busy machine
-SLEW = 2e-6  # s, by which the stamps are brought nearer to the system's clock in a tick; in a second that is 1 ms
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
-PAUSE = 0.25  # s, at least, between two refusals told, and between two words about the drives
-RECORD = 1.0  # s between two words about the arm's record
-MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
-MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
-
-
-@dataclass(frozen=True)
-class SimParams:
-    """The simulator itself."""
-
-    rtf: float = param(1.0, "", "simulated seconds in a second", low=0.01, high=10.0)
-    seed: int = param(0, "", "seed of all that is random", low=0, high=2**31)
-    world: str = param("", "", "name or path of a world file; empty: `physics` and `plant`")
-    shots: tuple[str, ...] = param(
-        ("top 3", "back 3", "left 3", "top 5", "back 4", "right 4"), "", "kind and scale of each launch, by turns", dynamic=True
-    )
-    tick: float = param(0.002, "s", "between two states of the arm", low=0.0005, high=0.02)
-    clock_rate: float = param(250.0, "1/s", "of /clock", low=1.0, high=1000.0)
-    lead: float = param(0.05, "s", "from the images being ready to the launch", low=0.0, high=5.0)
-    always_on: bool = param(False, "", "frames without a ball are published too")
-    repeat: int = param(0, "", "launches, after which the same ones begin again; 0: never", low=0, high=1000000.0)
-
-    def __post_init__(self) -> None:
-        """Refuse values outside their range."""
-        check(self)
-        if not self.shots:
-            raise TtError("shots = () is empty")
-        self.all_shots  # noqa: B018  # raises for a shot that there is not
-
-    @property
-    def all_shots(self) -> list[tuple[str, int]]:
-        """Kind and scale of each shot."""
-        return [shot(text) for text in self.shots]
-
-
-@dataclass
-class Flight:
-    """One launch, rendered. images: when each leaves and its stamp, both s after the launch, which camera took it, and the message."""
-
-    number: int
-    shot: str
-    take: RenderedLaunch
-    images: deque[tuple[float, float, int, Image]]
+PAUSE = 0.25  # s, at least, between two reports of refused commands
+DARK = 8  # grey level of an image without a ball
 
 
 class SimNode(Node):
-    """arm_velocity_controller/commands and /launcher/launch -> images, the wide cameras' pixels of the ball, /joint_states, /clock, and
-    the truth on /sim/*."""
+    """Take arm_velocity_controller/commands and launcher/launch; publish images, pixels of the wide cameras, joint_states, /clock, and the
+    truth on sim/*. The methods publish_* and report_* are called by the thread of SimLoop."""
 
     def __init__(self) -> None:
+        """Declare parameters, start the process that renders, compile the kernels, then subscribe and start the loop."""
         super().__init__("sim")
         self.params = declare(self, SimParams, changed=self.on_params)
-        own = WorldParams(declare_physics(self), plant=declare(self, PlantParams, "plant."))
-        self.world = load_world(self.params.world) if self.params.world else own
-        if self.params.world and (own.physics, own.plant) != (Physics.liu(), PlantParams()):
-            raise TtError(f"world = {self.params.world!r} excludes other values of physics, air.*, table.*, racket.* and plant.*")
+        self.world = self.chosen_world()
         self.launcher = declare(self, LauncherParams, "launcher.", changed=self.on_launcher)
-        self.shots = self.params.all_shots
+        self.arm = ArmModel.pa10()
+        plant = Plant(self.arm, self.world.plant)
+        self.drive = Drive(self.arm.names, plant.speed_limits, declare(self, DriveParams))
         world = self.world
-        self.studio = LaunchRenderer(self.params.seed, self.launcher, world.physics, world.domain_randomization, world.cameras)
-        self.crew = RenderWorker(self.studio)
-        self.cameras, self.arm = high_speed_pair(), ArmModel.pa10()
-        self.plant = Plant(self.arm, self.world.plant)
-        self.drive = Drive(self.arm.names, self.plant.limits[:, 2], declare(self, DriveParams))
+        renderer = LaunchRenderer(self.params.seed, self.launcher, world.physics, world.domain_randomization, world.cameras)
+        self.launches = LaunchStore(
+            renderer,
+            self.params.all_shots,
+            self.params.repeat,
+            lambda image: image_to_message(image.image, 0.0, f"{CAMERAS[image.side]}_optical"),
+        )
+        self.busy = threading.Event()  # set while a launch on request waits for its images or its ball flies
         self.refused, self.refusal_told = 0, -np.inf  # commands since the start; s, monotonic
-        self.launched, self.busy = 0, threading.Event()  # set while a launch on request waits for its images or its ball flies
-        self.ready = deque[Flight]()  # STORE at most, or the one on request
-        self.shown = -np.inf  # s, monotonic, when the last image of a ball left
-
-        self.status = Status(self)
-        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in CAMERAS]
-        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in CAMERAS]
-        for publisher, camera, name in zip(self.infos, self.cameras, CAMERAS, strict=True):
-            size = camera.width, camera.height
-            publisher.publish(camera_to_message(*size, camera.matrix, camera.distortion, f"{name}_optical"))
-        self.pixels = [self.create_publisher(PointStamped, f"camera/{name}/ball", SENSOR) for name in WIDE]
-        self.joints = self.create_publisher(JointState, "joint_states", RELIABLE)
-        self.clock = self.create_publisher(Clock, "/clock", LATEST)
-        self.true_ball = self.create_publisher(Odometry, "sim/ball", TRUTH)
-        self.true_racket = self.create_publisher(Odometry, "sim/racket", TRUTH)
+        self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
+        self.create_publishers()
+        cameras = zip(high_speed_pair(), CAMERAS, strict=True)
+        dark = [image_to_message(np.full((c.height, c.width), DARK, np.uint8), 0.0, f"{name}_optical") for c, name in cameras]
+        self.loop = SimLoop(self.params, world, plant, self.drive, self.launches, dark, self)
+        self.loop.rate = self.launcher.rate
         self.commands = Input(
             self,
             Float64MultiArray,
@@ -154,36 +104,62 @@ class SimNode(Node):
             largest=LARGEST,
             refused=self.on_refused,
         )
-        self.create_timer(LOOK, self.look, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(LOOK, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
         answer_clock_pings(self)
-        warm(self.plant)
-        self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
+        warm(plant)
         sys.setswitchinterval(SWITCH)
-        threading.Thread(target=self.pace, daemon=True).start()
-        threading.Thread(target=self.feed, daemon=True).start()
+        threading.Thread(target=self.keep_pace, daemon=True).start()
+        threading.Thread(
+            target=self.launches.keep_full, args=(self.context.ok, lambda: bool(self.loop.rate), self.render), daemon=True
+        ).start()
+
+    def chosen_world(self) -> WorldParams:
+        """Return the world of the parameter `world`, or that of the single parameters; TtError if both are given."""
+        own = WorldParams(declare_physics(self), plant=declare(self, PlantParams, "plant."))
+        if not self.params.world:
+            return own
+        if (own.physics, own.plant) != (Physics.liu(), PlantParams()):
+            raise TtError(f"world = {self.params.world!r} excludes other values of physics, air.*, table.*, racket.* and plant.*")
+        return load_world(self.params.world)
+
+    def create_publishers(self) -> None:
+        """Create all publishers, and publish the camera infos."""
+        self.status = Status(self)
+        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in CAMERAS]
+        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in CAMERAS]
+        for publisher, camera, name in zip(self.infos, high_speed_pair(), CAMERAS, strict=True):
+            size = camera.width, camera.height
+            publisher.publish(camera_to_message(*size, camera.matrix, camera.distortion, f"{name}_optical"))
+        self.pixels = [self.create_publisher(PointStamped, f"camera/{name}/ball", SENSOR) for name in TRACKING_CAMERAS]
+        self.joints = self.create_publisher(JointState, "joint_states", RELIABLE)
+        self.clock = self.create_publisher(Clock, "/clock", LATEST)
+        self.true_ball = self.create_publisher(Odometry, "sim/ball", TRUTH)
+        self.true_racket = self.create_publisher(Odometry, "sim/racket", TRUTH)
 
     def on_params(self, params: SimParams) -> None:
         """Launch other shots from now on; what is rendered already comes first."""
-        self.params, self.shots = params, params.all_shots
+        self.launches.shots = params.all_shots
 
     def on_launcher(self, launcher: LauncherParams) -> None:
         """Launch at another rate from now on."""
-        self.launcher = launcher
+        self.loop.rate = launcher.rate
 
     def on_command(self, message: Float64MultiArray) -> None:
+        """Keep a command, or refuse it."""
         try:
             self.drive.take(message.data, time.monotonic())
         except TtError as error:
             self.on_refused(error)
 
     def on_refused(self, error: TtError) -> None:
+        """Count a refused command and report it, once in PAUSE at most."""
         self.refused += 1
         if time.monotonic() - self.refusal_told >= PAUSE:
             self.refusal_told = time.monotonic()
             self.status.tell(f"command refused: {error}", warn=True, refused=self.refused)
 
-    def look(self) -> None:
+    def check_sole_publisher(self) -> None:
         """Obey no one while more than one publishes commands."""
         names = [f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in self.get_publishers_info_by_topic(self.commands.topic)]
         sole = len(names) <= 1
@@ -193,160 +169,103 @@ class SimNode(Node):
             self.status.tell(text, warn=not sole)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.launcher.rate or self.busy.is_set():
-            response.message = "the machine launches by itself" if self.launcher.rate else "the last ball is not over yet"
+        """Launch the next ball, unless balls are launched at a rate or one is in flight."""
+        if self.loop.rate or self.busy.is_set():
+            response.message = (
+                "refused: balls are launched at a rate" if self.loop.rate else "refused: the previous ball is still in flight"
+            )
             return response
         self.busy.set()
-        response.success, response.message = True, "{} {}".format(*self.coming)
+        response.success, response.message = True, "{} {}".format(*self.launches.next_shot)
         threading.Thread(target=self.render, daemon=True).start()
         return response
 
-    @property
-    def coming(self) -> tuple[str, int]:
-        """The next shot."""
-        number = self.launched % self.params.repeat if self.params.repeat else self.launched
-        return self.shots[number % len(self.shots)]
-
-    def feed(self) -> None:
-        """At a rate: keeps rendered launches in store."""
-        while self.context.ok():
-            if self.launcher.rate and len(self.ready) < STORE and time.monotonic() > self.shown + QUIET:
-                self.render()
-            else:
-                time.sleep(0.02)
-
     def render(self) -> None:
-        """The next launch."""
-        repeat = self.params.repeat
-        if repeat and self.launched and self.launched % repeat == 0:
-            self.crew.close()
-            self.crew = RenderWorker(self.studio)
-        kind, scale = self.coming
-        self.launched += 1
+        """Render the next launch; without cameras the node ends."""
         try:
-            take = self.crew.take(kind, scale)
+            self.launches.render()
         except EOFError:
-            signal.raise_signal(signal.SIGTERM)  # without cameras there is nothing to do
+            signal.raise_signal(signal.SIGTERM)
             raise
-        if take is None:
-            return
-        images = deque((s.due, s.stamp, s.side, image_to_message(s.image, 0.0, f"{CAMERAS[s.side]}_optical")) for s in take.shown)
-        self.ready.append(Flight(self.launched, f"{kind} {scale}", take, images))
 
-    def close(self) -> None:
-        self.crew.close()
-
-    def pace(self) -> None:
-        """Until the node is shut down."""
+    def keep_pace(self) -> None:
+        """Run the loop until the node is shut down; without it the node ends."""
         try:
-            self.keep_time()
+            self.loop.run(self.context.ok)
         except BaseException:
             if self.context.ok():  # otherwise it was published into a context that a signal has just ended
-                signal.raise_signal(signal.SIGTERM)  # without ticks there is nothing to do
+                signal.raise_signal(signal.SIGTERM)
                 raise
 
-    def keep_time(self) -> None:
-        """Ticks at whole multiples, frames at their stamps, on a clock that runs `rtf` times the real one."""
-        start, real_start, params = time.time(), time.monotonic(), self.params
-        hardware = SimulatedRobot(
-            self.world.physics, self.plant, Joints(start, self.arm.waiting, np.zeros(len(self.arm.names))), params.tick
-        )
-        noise = np.random.default_rng(params.seed + 1)  # of the encoders; the other generator is the launches'
-        wide = TrackingCameras(
-            self.world.tracking_cameras, self.world.physics.air.coefficients, start, np.random.default_rng(params.seed + 2)
-        )
-        record, record_told = ArmRecord(self.arm, hardware.joints), -np.inf
-        late = deque[tuple[float, int, PointStamped]](maxlen=MOST_LATE)  # when they are due, s, which camera's, pixels on their way
-        dark = [
-            image_to_message(np.full((c.height, c.width), 8, np.uint8), 0.0, f"{n}_optical")
-            for c, n in zip(self.cameras, CAMERAS, strict=True)
-        ]
-        flight, launch_time = None, -np.inf
-        flying = dict[float, Flight]()  # by the time of launch
-        braking, drive_told = True, -np.inf
-        clock_due, dark_due = start, start if params.always_on else np.inf
-        while self.context.ok():
-            if params.rtf == 1.0:  # stamps follow the system's clock, which its time service makes faster or slower
-                drift = time.time() - start - (time.monotonic() - real_start)
-                real_start -= min(max(drift, -SLEW), SLEW)
-            tick_due = hardware.joints.time + params.tick
-            frame_due = launch_time + flight.images[0][0] if flight and flight.images else dark_due
-            time.sleep(max(0.0, (min(tick_due, frame_due) - start) / params.rtf - (time.monotonic() - real_start)))
-            if frame_due <= tick_due:
-                if flight and flight.images:
-                    _, stamped, side, image = flight.images.popleft()
-                    self.shown = time.monotonic()
-                    self.publish_image(side, launch_time + stamped, image)
-                else:
-                    for side, image in enumerate(dark):
-                        self.publish_image(side, frame_due, image)
-                dark_due = frame_due + 1.0 / FRAME_RATE if params.always_on else np.inf
-                continue
-            if tick_due >= clock_due:
-                if heard(self.clock):
-                    self.clock.publish(Clock(clock=stamp(tick_due)))
-                clock_due = tick_due + 1.0 / params.clock_rate
-            period = 60.0 / self.launcher.rate if self.launcher.rate else 0.0
-            free = len(flying) < (MOST_FLYING if period else 1)
-            if self.ready and tick_due + params.lead >= launch_time + period and free:
-                flight = self.ready.popleft()
-                launch_time = tick_due + params.lead
-                flying[launch_time] = flight
-                ball = BallState.from_vector(launch_time, flight.take.ball.vector)
-                hardware.launch(ball, flight.take.physics)
-                self.publish(self.true_ball, ball_to_message, ball)
-            now, timeout = time.monotonic(), self.drive.params.command_timeout / params.rtf
-            behind = now - real_start - (tick_due - start) / params.rtf > timeout  # this process was held up: what it missed was no command
-            command = self.drive.command(now, params.tick, hardware.joints.qdot, -1.0 if behind else timeout)
-            if self.drive.braking != braking and now - drive_told >= PAUSE:
-                braking, drive_told = self.drive.braking, now
-                self.status.tell("brakes" if braking else "follows commands", part="drive", warn=braking)
-            tick = hardware.advance(command)
-            if not behind:
-                measured = self.plant.measured(tick.joints, noise)
-                self.publish(self.joints, joints_to_message, self.arm.names, measured.time, measured.q, measured.qdot)
-            if record.note(tick.joints) or now - record_told > RECORD:
-                record_told = now
-                text = "bounds kept" if record.kept else "bound broken"
-                self.status.tell(text, part="arm record", warn=not record.kept, **record.told())
-            self.publish_truth(tick)
-            for seen, side, pixel in wide.frames(tick, any(map(heard, self.pixels))):
-                late.append((seen + self.world.tracking_cameras.latency, side, pixel_to_message(seen, pixel, f"{WIDE[side]}_optical")))
-            while late and late[0][0] <= tick.joints.time:
-                _, side, message = late.popleft()
-                self.pixels[side].publish(message)
-            for outcome in tick.ended:
-                over = flying.pop(outcome.launched.time)
-                self.busy.clear()  # first: who hears of the end may launch at once
-                self.status.tell(Event.BALL_OVER, number=over.number, shot=over.shot, **outcome.told())
+    def close(self) -> None:
+        """End the process that renders."""
+        self.launches.close()
 
-    def publish_image(self, side: int, stamped: float, image: Image) -> None:
-        image.header.stamp = stamp(stamped)
-        self.images[side].publish(image)
+    def publish_image(self, side: int, stamped: float, message: Image) -> None:
+        """Publish an image with its stamp."""
+        message.header.stamp = stamp(stamped)
+        self.images[side].publish(message)
+
+    def publish_clock(self, now: float) -> None:
+        """Publish the simulated time."""
+        if is_heard(self.clock):
+            self.clock.publish(Clock(clock=stamp(now)))
+
+    def publish_ball(self, ball: BallState) -> None:
+        """Publish the true ball."""
+        self.publish(self.true_ball, ball_to_message, ball)
+
+    def publish_joints(self, joints: Joints) -> None:
+        """Publish the measured joints."""
+        self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot)
 
     def publish_truth(self, tick: Tick) -> None:
-        """While a ball flies; a contact is told as two states of one time."""
+        """Publish ball and racket while a ball flies; a contact becomes two states of one time."""
         balls = [ball for contact in tick.contacts for ball in (contact.before, contact.after)]
         if tick.ball is not None:
             balls.append(tick.ball)
-            if heard(self.true_racket):
+            if is_heard(self.true_racket):
                 racket = tick.racket
                 self.publish(self.true_racket, racket_to_message, tick.joints.time, racket.position, racket.rotation, racket.velocity)
-        if heard(self.true_ball):
+        if is_heard(self.true_ball):
             for ball in balls:
-                self.publish(self.true_ball, ball_to_message, ball)
+                self.publish_ball(ball)
+
+    def wants_pixels(self) -> bool:
+        """Return whether somebody subscribes to the wide cameras."""
+        return any(map(is_heard, self.pixels))
+
+    def publish_pixel(self, side: int, stamped: float, pixel: Array) -> None:
+        """Publish the pixel of the ball of a wide camera."""
+        self.pixels[side].publish(pixel_to_message(stamped, pixel, f"{TRACKING_CAMERAS[side]}_optical"))
+
+    def report_drive(self, is_braking: bool) -> None:
+        """Report that the drives brake, or that they obey again."""
+        self.status.tell("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
+
+    def report_record(self, record: ArmRecord) -> None:
+        """Report the worst that the true arm did."""
+        text = "bounds kept" if record.kept else "bound broken"
+        self.status.tell(text, part="arm record", warn=not record.kept, **record.to_text())
+
+    def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
+        """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""
+        self.busy.clear()
+        self.status.tell(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
 
     def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
-        """What `convert` makes of the values, in the message that was published there last."""
+        """Publish what `convert` makes of the values, in the message that was published there last."""
         message = self.filled[publisher] = convert(*values, self.filled.get(publisher))
         publisher.publish(message)
 
 
-def heard(publisher: Publisher) -> bool:
+def is_heard(publisher: Publisher) -> bool:
+    """Return whether somebody subscribes."""
     return publisher.get_subscription_count() > 0
 
 
 def main() -> None:
+    """Run the node."""
     run(SimNode, nice=NICE)
 
 

@@ -37,7 +37,7 @@ class SimulatedRobot:
         self.plant, self.tick, self.joints = plant, tick, joints
         self.outcome: Outcome | None = None
         self._physics = physics
-        self._racket = plant.racket(joints)
+        self._racket_row = plant.racket(joints).row
         self._flights: list[tuple[World, Outcome]] = []
 
     def launch(self, ball: BallState, physics: Physics | None = None) -> Outcome:
@@ -51,7 +51,9 @@ class SimulatedRobot:
     def advance(self, command: Array) -> Tick:
         """One tick under the command (7,) rad/s."""
         self.joints = self.plant.advance(self.joints, command, self.tick)
-        before, self._racket = self._racket, self.plant.racket(self.joints)
+        racket = self.plant.racket(self.joints)
+        before, self._racket_row = self._racket_row, racket.row
+        rackets = np.array([before, self._racket_row])
         now = self.joints.time
         contacts: list[Contact] = []
         ball, ended = None, []
@@ -59,13 +61,13 @@ class SimulatedRobot:
             if now < outcome.launched.time:
                 ball = None
                 continue
-            contacts = world.advance(now, (before, self._racket), self.tick)
+            contacts = world.advance(now, rackets, self.tick)
             outcome.contacts += contacts
             ball = world.ball
             if outcome.over(ball, now) or now - outcome.launched.time > LONGEST:
                 ended.append(outcome)
         self._flights = [flight for flight in self._flights if not any(flight[1] is outcome for outcome in ended)]
-        return Tick(self.joints, self._racket, contacts, ball, tuple(ended))
+        return Tick(self.joints, racket, contacts, ball, tuple(ended))
 
 
 def warm(plant: Plant) -> None:

@@ -39,7 +39,7 @@ class WorldParams:
     sensor_error_model: str = "clear"
 
     def __post_init__(self) -> None:
-        check_range("contact_height", self.physics.contact_height, LEAST_CONTACT, 0.1)
+        check_range("physics.contact_height", self.physics.contact_height, LEAST_CONTACT, 0.1)
 
 
 def load_world(name: str) -> WorldParams:

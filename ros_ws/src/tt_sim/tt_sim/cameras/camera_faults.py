@@ -16,12 +16,12 @@ from .camera_sequence import Frame
 class CameraFaults:
     """All zero is the perfect camera. latency and clock_offset do not change what is measured, only when."""
 
-    latency: float = param(0.0, "s", "mean, from the exposure to the estimator", low=0.0, high=1.0)
-    jitter: float = param(0.0, "s", "standard deviation of a stamp", low=0.0, high=0.01)
-    clock_offset: float = param(0.0, "s", "by which the cameras' clock is ahead of the arm's", low=-1.0, high=1.0)
-    apart: float = param(0.0, "s", "by which the right camera's stamps are ahead of the left one's", low=-0.01, high=0.01)
-    dropped: float = param(0.0, "", "share of images that never come", low=0.0, high=1.0)
-    duplicated: float = param(0.0, "", "share of images that come twice", low=0.0, high=1.0)
+    latency: float = param(0.0, "s", "time from the middle of the exposure to the arrival of the image", low=0.0, high=1.0)
+    jitter: float = param(0.0, "s", "standard deviation of the stamp of an image", low=0.0, high=0.01)
+    clock_offset: float = param(0.0, "s", "offset of the clock of the cameras, ahead of the clock of the arm", low=-1.0, high=1.0)
+    apart: float = param(0.0, "s", "offset of the stamps of the right camera, ahead of those of the left one", low=-0.01, high=0.01)
+    dropped: float = param(0.0, "", "share of images that never arrive", low=0.0, high=1.0)
+    duplicated: float = param(0.0, "", "share of images that arrive twice", low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

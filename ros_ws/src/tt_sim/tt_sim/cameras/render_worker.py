@@ -26,13 +26,20 @@ from ..world.launcher import LauncherParams, launch
 from .camera_faults import CameraFaults, arrivals
 from .camera_sequence import camera_sequence
 
-NICE = 10  # by which it steps back: a launch that is late is launched later, a node that is late has missed the ball
-GUARD = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends it with its parent, rendering or not
+NICE = 10  # a late launch is only launched later, but a late node has missed the ball
+GUARD = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends the process with its parent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayedImage:
-    """An image on its way: when it arrives and its stamp, both s after the launch, and which camera took it."""
+    """An image on its way.
+
+    Attributes:
+        due: s after the launch, when it arrives.
+        stamp: s after the launch.
+        side: Of the camera, 0 left, 1 right.
+        image: (h, w).
+    """
 
     due: float
     stamp: float
@@ -42,16 +49,30 @@ class DelayedImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedLaunch:
-    """One launch. ball: at the launch, time 0. physics: of this ball. shown: in the order in which they arrive."""
+    """One launch and its images.
+
+    Attributes:
+        ball: At the launch, time 0.
+        physics: Of this ball.
+        images: In the order in which they arrive.
+    """
 
     ball: BallState
     physics: Physics
-    shown: list[DelayedImage]
+    images: list[DelayedImage]
 
 
 @dataclass(frozen=True)
 class LaunchRenderer:
-    """Catapult, cameras and what goes wrong in them. seed: of the marks, and of all that is drawn."""
+    """Launcher, cameras and their faults.
+
+    Attributes:
+        seed: Of the marks on the ball, and of all random numbers.
+        launcher: Where it stands and how it scatters.
+        physics: Of balls without randomization.
+        domain_randomization: How balls differ.
+        faults: Of the cameras.
+    """
 
     seed: int = 0
     launcher: LauncherParams = field(default_factory=LauncherParams)
@@ -59,39 +80,52 @@ class LaunchRenderer:
     domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
     faults: CameraFaults = field(default_factory=CameraFaults)
 
-    def take(self, kind: str, scale: int, scene: Scene, rng: np.random.Generator) -> RenderedLaunch:
-        """The next launch."""
+    def render(self, kind: str, scale: int, scene: Scene, rng: np.random.Generator) -> RenderedLaunch:
+        """Render one launch, of a kind and scale as of `launch`."""
         ball, orientation = launch(kind, scale, self.launcher, rng)
         physics, faults = self.domain_randomization.draw(self.physics, rng), self.faults
         frames = camera_sequence(ball, orientation, high_speed_pair(), scene, physics, rng)
-        shown = [
+        images = [
             DelayedImage(stamp - faults.clock_offset + faults.latency, stamp, side, image)
             for side, stamp, image in arrivals(frames, faults, rng)
         ]
-        return RenderedLaunch(ball, physics, sorted(shown, key=lambda one: one.due))
+        return RenderedLaunch(ball, physics, sorted(images, key=lambda image: image.due))
 
 
 class RenderWorker:
-    """The process that works in a studio."""
+    """A process that renders launches."""
 
-    def __init__(self, studio: LaunchRenderer) -> None:
+    def __init__(self, renderer: LaunchRenderer) -> None:
+        """Start it; renderer: what it does."""
         command = (*GUARD, sys.executable, "-m", __name__)
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         self._closed = False
-        self._send(studio)
+        self._send(renderer)
 
-    def take(self, kind: str, scale: int) -> RenderedLaunch | None:
-        """Waits for it; None once closed. Raises EOFError when the process has ended."""
+    def render(self, kind: str, scale: int) -> RenderedLaunch | None:
+        """Wait for the next launch.
+
+        Args:
+            kind: As of `launch`.
+            scale: As of `launch`.
+
+        Returns:
+            The launch; None once the worker is closed.
+
+        Raises:
+            EOFError: The process has ended.
+        """
         try:
             self._send((kind, scale))
-            take: RenderedLaunch = pickle.load(self._process.stdout)  # type: ignore[arg-type]
-            return take
+            rendered: RenderedLaunch = pickle.load(self._process.stdout)  # type: ignore[arg-type]
+            return rendered
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             if self._closed:
                 return None
             raise EOFError("the process that renders has ended") from error
 
     def close(self) -> None:
+        """End the process."""
         self._closed = True
         self._process.kill()
         self._process.wait()
@@ -102,14 +136,14 @@ class RenderWorker:
 
 
 def main() -> None:
+    """Render until the input ends."""
     set_priority(NICE)  # the simulator itself runs above the usual priority
     try:
-        studio: LaunchRenderer = pickle.load(sys.stdin.buffer)
-        scene, rng = Scene(texture=Texture.drawn(studio.seed)), np.random.default_rng(studio.seed)
+        renderer: LaunchRenderer = pickle.load(sys.stdin.buffer)
+        scene, rng = Scene(texture=Texture.drawn(renderer.seed)), np.random.default_rng(renderer.seed)
         while True:
             kind, scale = pickle.load(sys.stdin.buffer)
-            take = studio.take(kind, scale, scene, rng)
-            pickle.dump(take, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
+            pickle.dump(renderer.render(kind, scale, scene, rng), sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
             sys.stdout.buffer.flush()
     except (EOFError, BrokenPipeError, pickle.UnpicklingError):  # an order that was cut short is unpickled to the last
         os._exit(0)  # without a last try to flush

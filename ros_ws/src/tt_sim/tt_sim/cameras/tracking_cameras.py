@@ -30,13 +30,13 @@ class TrackingCameraFaults:
     cut at 0.3 of its brightness (tests/sim/test_wide.py: 0.09 pixels); 2 ms of motion blur do not shift it.
     """
 
-    noise: float = param(0.1, "pixels", "standard deviation of a centre, each way", low=0.0, high=10.0)
-    step: float = param(0.0625, "pixels", "in which a centre is told: an assumption; 0: none", low=0.0, high=10.0)
+    noise: float = param(0.1, "pixels", "standard deviation of each pixel coordinate of the ball", low=0.0, high=10.0)
+    step: float = param(0.0625, "pixels", "resolution of the pixel coordinates of the ball, an assumption; 0: none", low=0.0, high=10.0)
     turned: float = param(
-        0.0, "rad", "standard deviation of how far each stands from where it was calibrated, about each axis", low=0.0, high=0.1
+        0.0, "rad", "standard deviation of the rotation of each camera about each of its axes since it was calibrated", low=0.0, high=0.1
     )
-    dropped: float = param(0.0, "", "share of centres that never come", low=0.0, high=1.0)
-    latency: float = param(0.0, "s", "from the middle of the exposure to the message, of the node", low=0.0, high=1.0)
+    dropped: float = param(0.0, "", "share of pixel coordinates that never arrive", low=0.0, high=1.0)
+    latency: float = param(0.0, "s", "time from the middle of the exposure to the message of the simulator node", low=0.0, high=1.0)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

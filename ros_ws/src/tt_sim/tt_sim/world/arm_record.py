@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from enum import Enum
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,11 +13,39 @@ from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import OBSTACLES, clearance
 from tt_core.states import Array
 
-ROUNDING = 1e-6  # of the speed limit, that a speed at the limit may be above it
+from .plant import drive_limits
+
+ROUNDING = 1e-6  # of the speed limit; a speed at the limit may be above it by so much
+
+
+class Bound(Enum):
+    """Bounds that the true arm must not break."""
+
+    SPEED_LIMIT = "speed limit"
+    END_STOP = "end stop"
+    CLEARANCE = "clearance"
+
+
+class TickExtremes(NamedTuple):
+    """The worst joint of one tick in each respect.
+
+    Attributes:
+        speed: Largest speed, in speed limits.
+        acceleration: rad/s^2, the largest.
+        limit_distance: rad, from the nearest joint to its end stop.
+        clearance: m.
+        nearest: Index in OBSTACLES of what is nearest.
+    """
+
+    speed: float
+    acceleration: float
+    limit_distance: float
+    clearance: float
+    nearest: int
 
 
 @njit(cache=True)
-def measure(q: Array, qdot: Array, before: Array, duration: float, limits: Array, chain: Chain) -> tuple[float, float, float, float, int]:
+def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: Array, chain: Chain) -> tuple[float, float, float, float, int]:
     """Measure one tick.
 
     Args:
@@ -24,24 +53,24 @@ def measure(q: Array, qdot: Array, before: Array, duration: float, limits: Array
         qdot: (7,) rad/s at its end.
         before: (7,) rad/s at its beginning.
         duration: s.
-        limits: (7, 3) lowest and highest position, rad, and speed, rad/s.
+        limits: (7, 3), rows of `drive_limits`.
         chain: Of the arm.
 
     Returns:
-        The largest speed in speed limits, the largest acceleration (rad/s^2), the distance of the nearest joint to its end stop (rad), the
-        clearance (m), and the index in OBSTACLES of what is nearest.
+        The fields of TickExtremes.
     """
+    limit = drive_limits(limits)
     speed, acceleration, limit_distance = 0.0, 0.0, np.inf
-    for i in range(7):
-        speed = max(speed, abs(qdot[i]) / limits[i, 2])
+    for i in range(len(q)):
+        speed = max(speed, abs(qdot[i]) / limit.speed[i])
         acceleration = max(acceleration, abs(qdot[i] - before[i]) / duration)
-        limit_distance = min(limit_distance, q[i] - limits[i, 0], limits[i, 1] - q[i])
+        limit_distance = min(limit_distance, q[i] - limit.low[i], limit.high[i] - q[i])
     left, nearest = clearance(q, chain)
     return speed, acceleration, limit_distance, left, nearest
 
 
 class ArmRecord:
-    """Keep the worst of each quantity, with the time when it was.
+    """The worst of each quantity, with the time when it was.
 
     Attributes:
         speed: (largest speed in speed limits, time s).
@@ -53,34 +82,43 @@ class ArmRecord:
     """
 
     def __init__(self, model: ArmModel, joints: Joints) -> None:
+        """Begin with the present state of the joints."""
         self._chain, self._limits = model.chain, np.column_stack([model.position_limits, model.speed_limits])
         self._joints = joints
-        self._broken: frozenset[str] = frozenset()  # bounds, in the last tick
-        _, _, limit_distance, left, nearest = measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain)
+        self._broken: frozenset[Bound] = frozenset()  # bounds, in the last tick
+        now = TickExtremes(*_measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain))
         self.speed, self.acceleration, self.hits = (0.0, joints.time), (0.0, joints.time), 0
-        self.limit_distance, self.clearance, self.nearest = (limit_distance, joints.time), (left, joints.time), OBSTACLES[nearest]
+        self.limit_distance, self.clearance = (now.limit_distance, joints.time), (now.clearance, joints.time)
+        self.nearest = OBSTACLES[now.nearest]
 
     def note(self, joints: Joints) -> bool:
-        """Note the state at the end of a tick, and tell whether a bound is broken that was not in the tick before; 3 us."""
+        """Note the state at the end of a tick; 3 us.
+
+        Returns:
+            Whether a bound is broken that was not broken in the tick before.
+        """
         last, self._joints = self._joints, joints
         time = joints.time
-        values = measure(joints.q, joints.qdot, last.qdot, time - last.time, self._limits, self._chain)
-        speed, acceleration, limit_distance, left, nearest = values
-        if speed > self.speed[0]:
-            self.speed = speed, time
-        if acceleration > self.acceleration[0]:
-            self.acceleration = acceleration, time
-        if limit_distance < self.limit_distance[0]:
-            self.limit_distance = limit_distance, time
-        if left < self.clearance[0]:
-            self.clearance, self.nearest = (left, time), OBSTACLES[nearest]
-        if speed <= 1.0 + ROUNDING and limit_distance > 0.0 and left > 0.0:
+        now = TickExtremes(*_measure(joints.q, joints.qdot, last.qdot, time - last.time, self._limits, self._chain))
+        if now.speed > self.speed[0]:
+            self.speed = now.speed, time
+        if now.acceleration > self.acceleration[0]:
+            self.acceleration = now.acceleration, time
+        if now.limit_distance < self.limit_distance[0]:
+            self.limit_distance = now.limit_distance, time
+        if now.clearance < self.clearance[0]:
+            self.clearance, self.nearest = (now.clearance, time), OBSTACLES[now.nearest]
+        if now.speed <= 1.0 + ROUNDING and now.limit_distance > 0.0 and now.clearance > 0.0:  # nearly always: without making a set
             self._broken = frozenset()
             return False
-        checks = (("speed limit", speed > 1.0 + ROUNDING), ("end stop", limit_distance <= 0.0), ("clearance", left <= 0.0))
-        broken = frozenset(name for name, is_broken in checks if is_broken)
+        is_broken = {
+            Bound.SPEED_LIMIT: now.speed > 1.0 + ROUNDING,
+            Bound.END_STOP: now.limit_distance <= 0.0,
+            Bound.CLEARANCE: now.clearance <= 0.0,
+        }
+        broken = frozenset(bound for bound in Bound if is_broken[bound])
         begun, self._broken = broken - self._broken, broken
-        self.hits += "end stop" in begun
+        self.hits += Bound.END_STOP in begun
         return bool(begun)
 
     @property
@@ -88,8 +126,8 @@ class ArmRecord:
         """Whether no bound was broken since the start."""
         return self.speed[0] <= 1.0 + ROUNDING and self.hits == 0 and self.clearance[0] > 0.0
 
-    def told(self) -> dict[str, Any]:
-        """All of it as text, numbers in SI units."""
+    def to_text(self) -> dict[str, Any]:
+        """Return all of it as text, numbers in SI units."""
         worst = {"speed": self.speed, "acceleration": self.acceleration, "limit_distance": self.limit_distance, "clearance": self.clearance}
         texts = {name: f"{value:.9g}" for name, (value, _) in worst.items()}
         times = {f"{name}_time": f"{time:.6f}" for name, (_, time) in worst.items()}

@@ -17,8 +17,12 @@ LARGEST = 100.0  # rad/s, beyond which a command is no velocity of a joint; 16 t
 class DriveParams:
     """What the drives do without a command."""
 
-    command_timeout: float = param(0.1, "s", "for which a command holds, as in the drives of real arms", low=0.001, high=10.0)
-    braking: float = param(20.0, "rad/s^2", "at which each joint brakes; what the arm's guard counts on", low=0.1, high=1000.0)
+    command_timeout: float = param(
+        0.1, "s", "time for which the drives obey a command; afterwards they brake, as the drives of real arms do", low=0.001, high=10.0
+    )
+    braking: float = param(
+        20.0, "rad/s^2", "deceleration of each joint without a command; the guard of the arm counts on it", low=0.1, high=1000.0
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

@@ -53,16 +53,33 @@ _AXES = {"top": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (0.0, 0.0, -1
 class LauncherParams:
     """Where the machine stands and how much it scatters besides its tables."""
 
-    x: float = param(2.62, "m", "exit of the head", low=1.5, high=5.0)
-    y: float = param(0.7625, "m", "", low=0.0, high=1.525)
-    z: float = param(0.34, "m", "high enough for back spin at scale 5 to clear the net", low=0.05, high=1.5)
+    x: float = param(2.62, "m", "x of the exit of the launcher's head", low=1.5, high=5.0)
+    y: float = param(0.7625, "m", "y of the exit of the launcher's head; the middle of the table", low=0.0, high=1.525)
+    z: float = param(0.34, "m", "z of the exit of the launcher's head; back spin at scale 5 clears the net from there", low=0.05, high=1.5)
     side_yaw: float = param(
-        0.05, "rad", "the head is turned against half of the drift of side spin; at 0.03 and 0.07 the arm has no time for some"
+        0.05,
+        "rad",
+        "angle by which the head is turned against the drift of side spin, half of it; at 0.03 and 0.07 the arm has no time for some balls",
+        low=-0.5,
+        high=0.5,
     )
-    axis_scatter: float = param(0.05, "rad", "of the spin's axis; Tables 2.1 to 2.3 show about 0.1", low=0.0, high=0.5)
-    yaw_scatter: float = param(0.01, "rad", "", low=0.0, high=0.5)
-    place_scatter: float = param(0.002, "m", "", low=0.0, high=0.5)
-    rate: float = param(0.0, "1/min", "balls launched in a minute, 26 to 94; 0: on request only", low=0.0, high=RATES[1], dynamic=True)
+    axis_scatter: float = param(
+        0.05,
+        "rad",
+        "standard deviation of the spin axis about each coordinate axis; dissertation Tables 2.1 to 2.3 show about 0.1",
+        low=0.0,
+        high=0.5,
+    )
+    yaw_scatter: float = param(0.01, "rad", "standard deviation of the horizontal direction of the launch", low=0.0, high=0.5)
+    place_scatter: float = param(0.002, "m", "standard deviation of each coordinate of the place of the launch", low=0.0, high=0.5)
+    rate: float = param(
+        0.0,
+        "1/min",
+        "balls launched in a minute, 26 to 94 as the machine of dissertation Section 2.5.2; 0: on request only",
+        low=0.0,
+        high=RATES[1],
+        dynamic=True,
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

@@ -12,8 +12,9 @@ from tt_core.constants import NET_X
 from tt_core.flight import air_coefficients, fly_into
 from tt_core.interpolate import hermite
 from tt_core.states import Array, BallState
+from tt_core.text_enum import TextEnum
 
-from .true_ball import Contact
+from .true_ball import Contact, Surface
 
 BEHIND = -1.5  # m in x: past the arm
 AFTER_LANDING = 0.1  # s that a returned ball is followed on
@@ -24,6 +25,7 @@ NODE = 0.04  # s
 def places(ball: Array, times: Array, air: Array) -> Array:
     """(n, 3) m, of the ball (9,) in free flight at times (n,) s after it, rising: cubic between states NODE s apart, to 1e-5 m."""
     out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
+    start_position, start_velocity, end_position, end_velocity = start[:3], start[3:6], end[:3], end[3:6]
     model = air_coefficients(air)
     for i in range(len(times)):
         while times[i] > last:
@@ -32,8 +34,21 @@ def places(ball: Array, times: Array, air: Array) -> Array:
             last += NODE
         u = 1.0 - (last - times[i]) / NODE
         for k in range(3):
-            out[i, k] = hermite(start[k], start[3 + k], end[k], end[3 + k], NODE, u)
+            out[i, k] = hermite(start_position[k], start_velocity[k], end_position[k], end_velocity[k], NODE, u)
     return out
+
+
+class Result(TextEnum):
+    """What became of a ball."""
+
+    MISSED = "missed"  # the racket has not touched it
+    DOUBLE_BOUNCE = "double bounce"  # it touched the robot's half more than once before the racket
+    FLYING = "flying"  # nothing has stopped it since the racket
+    NET = "net"
+    OWN_HALF = "own half"
+    SECOND_HIT = "second hit"
+    OFF_TABLE = "off the table"
+    RETURNED = "returned"  # it landed on the opponent's half
 
 
 @dataclass
@@ -46,7 +61,7 @@ class Outcome:
     @property
     def _struck(self) -> int | None:
         """Which contact is with the racket."""
-        return next((i for i, c in enumerate(self.contacts) if c.surface == "racket"), None)
+        return next((i for i, c in enumerate(self.contacts) if c.surface is Surface.RACKET), None)
 
     @property
     def hit(self) -> Contact | None:
@@ -56,29 +71,29 @@ class Outcome:
     @property
     def landing(self) -> Contact | None:
         """What the ball met first after the hit; a net that it got over does not count."""
-        return None if (i := self._struck) is None else next((c for c in self.contacts[i + 1 :] if c.surface != "net"), None)
+        return None if (i := self._struck) is None else next((c for c in self.contacts[i + 1 :] if c.surface is not Surface.NET), None)
 
     @property
-    def result(self) -> str:
-        """What it is as far as the contacts go: missed until hit, then flying until it meets something."""
+    def result(self) -> Result:
+        """The result as far as the contacts go: missed until the racket hits the ball, then flying until it meets something."""
         i = self._struck
         if i is None:
-            return "missed"
+            return Result.MISSED
         before, after = self.contacts[:i], self.contacts[i + 1 :]
-        if sum(c.surface == "table" and c.before.position[0] < NET_X for c in before) > 1:
-            return "double bounce"
-        landing, net = self.landing, any(c.surface == "net" for c in after)
-        if landing is not None and landing.surface == "table" and landing.before.position[0] > NET_X:
-            return "returned"
+        if sum(c.surface is Surface.TABLE and c.before.position[0] < NET_X for c in before) > 1:
+            return Result.DOUBLE_BOUNCE
+        landing, net = self.landing, any(c.surface is Surface.NET for c in after)
+        if landing is not None and landing.surface is Surface.TABLE and landing.before.position[0] > NET_X:
+            return Result.RETURNED
         if landing is None or net:
-            return "net" if net else "flying"
-        return {"table": "own half", "racket": "second hit"}.get(landing.surface, "off the table")
+            return Result.NET if net else Result.FLYING
+        return {Surface.TABLE: Result.OWN_HALF, Surface.RACKET: Result.SECOND_HIT}.get(landing.surface, Result.OFF_TABLE)
 
     def followed_until(self, longest: float) -> float:
         """s, when nothing more of interest happens, as far as contacts tell; `longest` at most."""
         if (landing := self.landing) is not None:
             longest = min(longest, landing.before.time + AFTER_LANDING)
-        floor = next((c.before.time for c in self.contacts if c.surface == "floor"), longest)
+        floor = next((c.before.time for c in self.contacts if c.surface is Surface.FLOOR), longest)
         return min(longest, floor)
 
     def places(self, times: Array, air: Array) -> Array:
@@ -88,7 +103,7 @@ class Outcome:
         parts = [places(ball.vector, times[a:b] - ball.time, air) for ball, a, b in zip(balls, cuts, cuts[1:], strict=False)]
         return np.concatenate(parts)
 
-    def told(self) -> dict[str, Any]:
+    def to_text(self) -> dict[str, Any]:
         """All of it as text, balls as JSON lists [time, position, velocity, spin], null for what did not happen."""
         hit, landing = self.hit, self.landing
         states = {
@@ -98,7 +113,7 @@ class Outcome:
             "landing": landing.before if landing else None,
         }
         rows = {name: json.dumps([ball.time, *ball.vector.tolist()] if ball else None) for name, ball in states.items()}
-        return {"result": self.result, **rows, "offset": json.dumps(hit.offset if hit else None)}
+        return {"result": self.result.value, **rows, "offset": json.dumps(hit.offset if hit else None)}
 
     def over(self, ball: BallState | None, time: float) -> bool:
         """Whether nothing more of interest happens to the ball, which is None when it is gone."""

@@ -1,0 +1,15 @@
+"""Enumerations whose values are the words that files, tables and diagnostics show."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class TextEnum(str, Enum):
+    """Base of such an enumeration; the same as `enum.StrEnum`, which Python has from 3.11 on.
+
+    Code decides on members. `str(member)` and `f"{member}"` are the word, and `Kind("the word")` is the member.
+    """
+
+    __str__ = str.__str__
+    __format__ = str.__format__  # type: ignore[assignment]

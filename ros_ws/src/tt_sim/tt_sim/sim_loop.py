@@ -1,0 +1,180 @@
+"""The simulator's loop, without ROS: ticks of arm and balls at whole multiples, frames at their stamps, launches when they are ready."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from tt_arm.joints import Joints
+from tt_core.states import Array, BallState
+
+from .cameras.tracking_cameras import TrackingCameras
+from .frame_schedule import FrameSchedule
+from .launch_store import LaunchStore, ReadyLaunch
+from .pace import Pace
+from .sim_params import SimParams
+from .simulated_robot import SimulatedRobot, Tick
+from .world.arm_record import ArmRecord
+from .world.drive import Drive
+from .world.outcome import Outcome
+from .world.plant import Plant
+from .world_file import WorldParams
+
+PAUSE = 0.25  # s, at least, between two reports about the drives
+RECORD = 1.0  # s between two reports about the arm's record
+MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
+MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
+
+
+class Outputs(Protocol):
+    """Who takes what the simulator makes; called by the thread of the loop."""
+
+    def publish_image(self, side: int, stamp: float, message: Any) -> None:
+        """Take an image (0 left, 1 right) with its stamp (s)."""
+
+    def publish_clock(self, now: float) -> None:
+        """Take the simulated time (s)."""
+
+    def publish_ball(self, ball: BallState) -> None:
+        """Take a ball at its launch."""
+
+    def publish_joints(self, joints: Joints) -> None:
+        """Take the measured joints."""
+
+    def publish_truth(self, tick: Tick) -> None:
+        """Take what is true at the end of a tick."""
+
+    def wants_pixels(self) -> bool:
+        """Return whether somebody listens to the wide cameras."""
+
+    def publish_pixel(self, side: int, stamp: float, pixel: Array) -> None:
+        """Take the pixel (2,) at which a wide camera (0 left, 1 right) saw the ball, and its stamp (s)."""
+
+    def report_drive(self, is_braking: bool) -> None:
+        """Take whether the drives brake, when that has changed."""
+
+    def report_record(self, record: ArmRecord) -> None:
+        """Take the record of the true arm."""
+
+    def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
+        """Take what became of a ball."""
+
+
+class SimLoop:
+    """The simulated robot in real time.
+
+    Attributes:
+        rate: Launches in a minute; 0: as they are ready, one ball at a time. May be changed at any time.
+    """
+
+    def __init__(
+        self,
+        params: SimParams,
+        world: WorldParams,
+        plant: Plant,
+        drive: Drive,
+        launches: LaunchStore,
+        dark: Sequence[Any],
+        outputs: Outputs,
+    ) -> None:
+        """Prepare the loop.
+
+        Args:
+            params: Of the simulator.
+            world: What is true.
+            plant: The arm.
+            drive: What it is told.
+            launches: Rendered balls.
+            dark: An image without a ball of each camera, in the form in which it is published.
+            outputs: Who takes what the simulator makes.
+        """
+        self.rate = 0.0
+        self._params, self._world, self._plant, self._drive, self._launches = params, world, plant, drive, launches
+        self._dark, self._outputs = dark if params.always_on else (), outputs
+
+    def run(self, is_running: Callable[[], bool]) -> None:
+        """Keep the deadlines of ticks and frames until `is_running` says no."""
+        self._begin()
+        pace, frames, robot, tick = self._pace, self._frames, self._robot, self._params.tick
+        while is_running():
+            pace.follow_system_clock()
+            tick_due, frame_due = robot.joints.time + tick, frames.due
+            pace.sleep_until(min(tick_due, frame_due))
+            if frame_due <= tick_due:
+                self._publish_frame()
+            else:
+                self._tell_time(tick_due)
+                self._launch(tick_due)
+                self._tick(tick_due)
+
+    def _begin(self) -> None:
+        params, world, model = self._params, self._world, self._plant.model
+        self._pace = pace = Pace(params.rtf)
+        start = pace.start
+        self._robot = SimulatedRobot(world.physics, self._plant, Joints(start, model.waiting, np.zeros(len(model.names))), params.tick)
+        self._encoder_noise = np.random.default_rng(params.seed + 1)  # another generator than that of the launches
+        wide_noise = np.random.default_rng(params.seed + 2)
+        self._tracking = TrackingCameras(world.tracking_cameras, world.physics.air.coefficients, start, wide_noise)
+        self._pixels = deque[tuple[float, int, float, Array]](maxlen=MOST_LATE)  # on their way: when due (s), camera, stamp (s), pixel
+        self._frames = FrameSchedule(self._dark, start)
+        self._record, self._record_reported = ArmRecord(model, self._robot.joints), -np.inf
+        self._flying, self._launch_time = dict[float, ReadyLaunch](), -np.inf  # by the time of launch
+        self._is_braking, self._drive_reported = True, -np.inf
+        self._clock_due = start
+
+    def _publish_frame(self) -> None:
+        if self._frames.shows_ball:
+            self._launches.last_image = time.monotonic()
+        for side, stamp, message in self._frames.pop():
+            self._outputs.publish_image(side, stamp, message)
+
+    def _tell_time(self, now: float) -> None:
+        if now >= self._clock_due:
+            self._outputs.publish_clock(now)
+            self._clock_due = now + 1.0 / self._params.clock_rate
+
+    def _launch(self, now: float) -> None:
+        """Launch the next ball if it is ready, its time has come and there is room in the air."""
+        if not self._launches.ready:
+            return
+        rate = self.rate
+        period, most = (60.0 / rate, MOST_FLYING) if rate else (0.0, 1)
+        if now + self._params.lead < self._launch_time + period or len(self._flying) >= most:
+            return
+        launch, self._launch_time = self._launches.ready.popleft(), now + self._params.lead
+        self._flying[self._launch_time] = launch
+        self._frames.show(launch, self._launch_time)
+        ball = BallState.from_vector(self._launch_time, launch.ball.vector)
+        self._robot.launch(ball, launch.physics)
+        self._outputs.publish_ball(ball)
+
+    def _tick(self, due: float) -> None:
+        outputs, robot, drive, now = self._outputs, self._robot, self._drive, time.monotonic()
+        timeout = drive.params.command_timeout / self._params.rtf
+        # while this process was held up, commands could not arrive: their age says nothing, and no joint state is published
+        is_late = self._pace.late(due, now) > timeout
+        command = drive.command(now, self._params.tick, robot.joints.qdot, -1.0 if is_late else timeout)
+        if drive.braking != self._is_braking and now - self._drive_reported >= PAUSE:
+            self._is_braking, self._drive_reported = drive.braking, now
+            outputs.report_drive(drive.braking)
+        tick = robot.advance(command)
+        if not is_late:
+            outputs.publish_joints(self._plant.measured(tick.joints, self._encoder_noise))
+        if self._record.note(tick.joints) or now - self._record_reported > RECORD:
+            self._record_reported = now
+            outputs.report_record(self._record)
+        outputs.publish_truth(tick)
+        self._publish_pixels(tick)
+        for outcome in tick.ended:
+            outputs.report_end(self._flying.pop(outcome.launched.time), outcome)
+
+    def _publish_pixels(self, tick: Tick) -> None:
+        latency, pixels = self._world.tracking_cameras.latency, self._pixels
+        for stamp, side, pixel in self._tracking.frames(tick, self._outputs.wants_pixels()):
+            pixels.append((stamp + latency, side, stamp, pixel))
+        while pixels and pixels[0][0] <= tick.joints.time:
+            _, side, stamp, pixel = pixels.popleft()
+            self._outputs.publish_pixel(side, stamp, pixel)
