@@ -10,6 +10,7 @@ import numpy as np
 from report import arguments, report
 from scipy.integrate import solve_ivp
 from tt_core.flight import DRAG_UNIT, LIFT_UNIT, Aerodynamics
+from tt_core.path_end import PathEnd
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
@@ -74,7 +75,7 @@ def balls(count: int, seed: int = 0) -> list[BallState]:
         velocity = [rng.uniform(-8, -4), rng.uniform(-0.4, 0.4), rng.uniform(-0.5, 2.5)]
         ball = BallState(0.0, [2.62, rng.uniform(0.4, 1.1), rng.uniform(0.2, 0.4)], velocity, rng.uniform(-400, 400, 3))
         path = rollout(ball, PHYSICS, StopRule.at_time(DURATION))
-        if path.ended == "stop" and len(path.bounces) == 1 and path.bounces[0].position[0] < 1.3:
+        if path.ended is PathEnd.STOP and len(path.bounces) == 1 and path.bounces[0].position[0] < 1.3:
             found.append(ball)
     return found
 

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_bvp
 from tt_core.flight import DRAG_UNIT, LIFT_UNIT, fly
+from tt_core.path_end import PathEnd
 from tt_core.physics import Physics
 from tt_core.states import BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
@@ -111,12 +112,12 @@ def random_goals(count: int) -> dict[str, float]:
         goal = ReturnGoal(landing, rng.uniform(0.2, 1.0), rng.uniform(-400, 400), rng.uniform(-400, 400))
         stroke = solve(ball, goal, PHYSICS)
         if stroke.racket is None:
-            assert stroke.reason
-            reasons["".join(c for c in stroke.reason if not c.isdigit() and c not in "-.").replace("  ", " ")] += 1
+            assert stroke.reason is not None
+            reasons[stroke.reason.code.name] += 1
             continue
         after = PHYSICS.racket.after(ball.velocity, ball.spin, stroke.racket)
         path = rollout(BallState(0.0, ball.position, *after), PHYSICS, StopRule.at_landing())
-        assert path.ended == "stop", (ball, goal, path.ended)
+        assert path.ended is PathEnd.STOP, (ball, goal, path.ended)
         reasons["solved"] += 1
         place_error = max(place_error, math.dist(path.end.position[:2], landing))
         time_error = max(time_error, abs(path.end.time - goal.flight_time))

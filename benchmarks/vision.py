@@ -9,22 +9,23 @@ looked at as it came. Then the dissertation's own conditions, a fifth as many bu
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from report import arguments, report
 from tt_core.constants import RPM
 from tt_eval.experiments import catapult, rotation
-from tt_eval.synthetic_bursts import bursts, known
+from tt_eval.synthetic_bursts import bursts, calibrated_lamps
 from tt_sim.render import Lamps
 from tt_vision.detection.ball_detection import find_ball
-from tt_vision.measure import measure, warm
+from tt_vision.measure import measure, measure_burst
 from tt_vision.rig import high_speed_pair
-from tt_vision.spin.estimate import estimate_spin
-from tt_vision.spin.registration import SearchParams
+from tt_vision.spin import SearchParams, estimate_spin
+from tt_vision.warm import warm
 
 CHI_SQUARE = 7.81  # of 3, exceeded by 5 %
 WRONG = 300.0  # rpm, an error that no prediction survives
-LAMPS = known(Lamps())
+LAMPS = calibrated_lamps(Lamps())
 FAST = SearchParams.fast()
 SETTINGS = {"": {}, "fast: ": {"search": FAST}, "lamps: ": {"lamps": LAMPS}, "lamps, fast: ": {"lamps": LAMPS, "search": FAST}}
 SEED = 0
@@ -38,11 +39,11 @@ class Tally:
 
     def add(self, burst, options) -> None:
         start = time.thread_time()
-        spots = [[find_ball(image) for image in images[:-1]] for images in burst.images]
+        detections = [[find_ball(image) for image in images[:-1]] for images in burst.images]
         last = time.thread_time()
-        for row, images in zip(spots, burst.images, strict=True):
+        for row, images in zip(detections, burst.images, strict=True):
             row.append(find_ball(images[-1]))
-        result = measure(*burst.images, burst.times, burst.cameras, **options, spots=spots)
+        result = measure_burst(replace(burst.burst, detections=tuple(map(tuple, detections))), **options)
         end = time.thread_time()
         self.whole.append(1e3 * (end - start))
         self.last.append(1e3 * (end - last))

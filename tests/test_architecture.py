@@ -10,6 +10,7 @@ PACKAGES = sorted(p.name for p in SRC.iterdir() if p.is_dir())
 FILES = sorted(SRC.glob("tt_*/tt_*/**/*.py"))
 MODELS = {  # what the simulator may use of the packages that it tests: models of cameras and arm, no method
     "tt_vision.camera",
+    "tt_vision.projection",
     "tt_vision.rig",
     "tt_arm.joints",
     "tt_arm.kinematics",

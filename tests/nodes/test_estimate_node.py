@@ -63,7 +63,10 @@ def test_a_flight_is_measured(start, probe, until, frames, words, told_last, off
     def heard(text):
         return any(text in message for array in told for _, _, message, _ in read_status(array))
 
-    until(lambda: heard("no camera_info") or send(), probe)
+    def refused(code):
+        return any(values.get("code") == code for array in told for *_, values in read_status(array))
+
+    until(lambda: refused("NO_CAMERA_INFO") or send(), probe)
     for publisher, camera, name in zip(infos, high_speed_pair(), SIDES, strict=True):
         publisher.publish(camera_to_message(camera.width, camera.height, camera.matrix, camera.distortion, f"{name}_optical"))
     until(lambda: heard("32FC1") or images[0].publish(Image(encoding="32FC1")), probe)  # refused, survived

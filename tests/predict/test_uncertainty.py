@@ -1,14 +1,13 @@
-"""The spread of sigma points is that of thousands of sampled balls."""
+"""The uncertainty by sigma points is that of thousands of sampled balls."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
-from tt_predict.uncertainty import covariances, sigma_points, uncertainty
+from tt_predict.uncertainty import NoCovariance, NotACovariance, NotInTheAir, covariances, sigma_points, uncertainty
 
 # m, m/s, rad/s: what six frames measure, about
 SIGMAS = np.repeat([5e-4, 0.02, 10.0], 3)
@@ -31,13 +30,13 @@ def sampled(start, physics, stop):
 @pytest.mark.parametrize("physics", [Physics.liu(), Physics.measured()])
 @pytest.mark.parametrize("spin", [[20, -360, 30], [20, 320, 30], [0, 30, 350]])
 @pytest.mark.parametrize("stop", [StopRule.at_time(1.2), StopRule.at_landing(), StopRule.at_x(-0.2), StopRule.at_time(1.55)])
-def test_the_spread_is_that_of_sampled_balls(physics, spin, stop):
+def test_the_uncertainty_is_that_of_sampled_balls(physics, spin, stop):
     start = ball(spin)
     found, ends = uncertainty(start, physics, stop), sampled(start, physics, stop)
     assert found.reached == 1.0
     wanted = np.cov(ends.T)
     sigma = np.sqrt(np.diag(wanted))
-    floor = np.array([1e-6, *[1e-5] * 3, *[1e-4] * 3, *[1e-2] * 3])  # what is fixed by the rule, x at a plane, has no spread
+    floor = np.array([1e-6, *[1e-5] * 3, *[1e-4] * 3, *[1e-2] * 3])  # what is fixed by the rule, x at a plane, is certain
     # 8 %: 2,000 samples give 1.6 %, 256 points another 2 %, and the largest of ten is asked
     assert np.sqrt(np.diag(found.covariance)) == pytest.approx(sigma, rel=0.08, abs=1e-5)
     scale = np.maximum(sigma, floor)
@@ -69,9 +68,11 @@ def test_balls_that_do_not_get_there_do_not_count():
 
 
 def test_bad_input_names_itself():
-    with pytest.raises(TtError, match="has no covariance"):
+    with pytest.raises(NoCovariance):
         uncertainty(BallState(0.0, [2.6, 0.76, 0.3], [-5, 0, 1], [0, 0, 0]), Physics.liu(), StopRule.at_landing())
-    with pytest.raises(TtError, match="negative eigenvalue -1"):
+    with pytest.raises(NotACovariance) as error:
         uncertainty(BallState(0.0, [2.6, 0.76, 0.3], [-5, 0, 1], [0, 0, 0], -np.eye(9)), Physics.liu(), StopRule.at_landing())
-    with pytest.raises(TtError, match="in the air at 0.5 s"):
+    assert error.value.eigenvalue == pytest.approx(-1.0)
+    with pytest.raises(NotInTheAir) as error:
         covariances(ball([0, 0, 10]), Physics.liu(), [0.5])
+    assert error.value.time == 0.5

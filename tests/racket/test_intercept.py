@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from tt_core.errors import TtError
+from tt_core.errors import BadChoice, OutOfRange
 from tt_core.flight import fly
+from tt_core.hit_windows import HIT_WINDOWS, PATH_END_X, path_end
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, Bounce, ReturnGoal
+from tt_racket.failures import StrokeFailure
 from tt_racket.goal import GoalParams, default_goal
-from tt_racket.goal_relaxation import AS_ASKED, RelaxationParams
+from tt_racket.goal_relaxation import AS_ASKED, GoalPart, RelaxationParams
 from tt_racket.intercept import InterceptParams, intercept
 from tt_racket.sensitivity import StrikeErrorParams, landing_rms
 
@@ -27,7 +29,7 @@ def path_after_bounce():
 def test_candidates_are_on_the_path_in_the_window_and_ordered_by_racket_speed_and_sensitivity():
     path, params, goal = path_after_bounce(), InterceptParams(), default_goal(np.array([0.0, 250.0, 0.0]), GoalParams())
     found = intercept(path, goal, PHYSICS, params)
-    assert len(found.strokes) > 3 and set(found.given) == {AS_ASKED}
+    assert len(found.strokes) > 3 and set(found.relaxed) == {AS_ASKED}
     costs = [
         np.linalg.norm(s.racket.velocity) / params.racket_speed
         + landing_rms(path.at(s.racket.time), s, goal.flight_time, PHYSICS, StrikeErrorParams()) / params.landing_rms
@@ -49,32 +51,43 @@ def test_the_reachable_window_holds_the_near_one_and_more():
         {s.racket.time for s in intercept(path, goal, PHYSICS, InterceptParams.window(name)).strokes} for name in ("near", "reachable")
     )
     assert near < reachable
-    with pytest.raises(TtError, match="'far' is none of 'near', 'reachable'"):
+    with pytest.raises(BadChoice) as error:
         InterceptParams.window("far")
+    assert (error.value.name, error.value.value, error.value.choices) == ("window", "far", ("near", "reachable"))
+
+
+def test_paths_go_past_every_hit_window():
+    assert path_end(InterceptParams().x_low) == -0.5
+    assert min(window.x_low for window in HIT_WINDOWS.values()) > PATH_END_X
+    for name, window in HIT_WINDOWS.items():
+        params = InterceptParams.window(name)
+        assert window == tuple(getattr(params, field) for field in window._fields)
 
 
 def test_too_fast_a_racket_is_refused_with_the_number():
     path = path_after_bounce()
     found = intercept(path, default_goal(path.spins[0], GoalParams()), PHYSICS, InterceptParams(racket_speed=0.2))
     assert not found.strokes
-    assert all("m/s is over 0.2 m/s" in reason for _, reason in found.refused)
+    assert {failure.code for _, failure in found.refused} == {StrokeFailure.RACKET_TOO_FAST} == {found.reason.code}
+    assert all(failure.values["speed"] > failure.values["bound"] == 0.2 for _, failure in found.refused)
 
 
 def test_a_goal_out_of_reach_gives_up_what_the_order_says_and_tells_it():
     path, order = path_after_bounce(), ("spin", "time", "place")
-    for time, spin, name in ((0.6, 900.0, "spin"), (0.25, 150.0, "spin and time")):
+    for time, spin, parts in ((0.6, 900.0, GoalPart.SPIN), (0.25, 150.0, GoalPart.SPIN | GoalPart.TIME)):
         goal = ReturnGoal([2.055, 0.7625], time, spin, 0.0)
         found = intercept(path, goal, PHYSICS, InterceptParams(), RelaxationParams(order=order))
-        assert found.strokes and len(found.given) == len(found.strokes)
-        assert found.given[0].startswith(name + ": ")
-        assert all(reason for _, reason in found.refused)
+        assert found.strokes and len(found.relaxed) == len(found.strokes)
+        assert found.relaxed[0].parts == parts and found.reason is None
+        assert all(isinstance(failure.code, StrokeFailure) for _, failure in found.refused)
         assert max(np.linalg.norm(s.racket.velocity) for s in found.strokes) <= InterceptParams().racket_speed
 
 
 def test_a_volley_is_no_candidate():
     path = path_after_bounce()
     volley = BallPath(path.times[1:], path.positions[1:], path.velocities[1:], path.spins[1:])
-    assert not intercept(volley, default_goal(path.spins[0], GoalParams()), PHYSICS, InterceptParams()).strokes
+    found = intercept(volley, default_goal(path.spins[0], GoalParams()), PHYSICS, InterceptParams())
+    assert not found.strokes and found.reason.code is StrokeFailure.NO_HIT_POINT
 
 
 @pytest.mark.parametrize(
@@ -87,7 +100,9 @@ def test_spin_is_answered_by_its_kind(spin, spin_y, spin_z):
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(ValueError, match="x_low = 1 is outside"):
+    with pytest.raises(OutOfRange) as error:
         InterceptParams(x_low=1.0)
-    with pytest.raises(ValueError, match="landing_x = 1 is outside"):
+    assert (error.value.name, error.value.value, error.value.high) == ("x_low", 1.0, 0.0)
+    with pytest.raises(OutOfRange) as error:
         GoalParams(landing_x=1.0)
+    assert (error.value.name, error.value.value) == ("landing_x", 1.0)

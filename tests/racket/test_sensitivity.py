@@ -1,4 +1,4 @@
-"""The linear spread of landings is that of sampled strokes; the baselines do what their own models say."""
+"""The linear error of landings is that of sampled strokes; the baselines do what their own models say."""
 
 import math
 
@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from tt_core.bounce import RacketRebound
 from tt_core.errors import OutOfRange
+from tt_core.failures import Failure
 from tt_core.flight import Aerodynamics, fly
 from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState, ReturnGoal
 from tt_racket.baselines import fixed_pitch, specular
+from tt_racket.failures import StrokeFailure
 from tt_racket.sensitivity import StrikeErrorParams, landing_rms
 from tt_racket.stroke import Stroke, solve
 
@@ -18,7 +20,7 @@ BALL = BallState(0.0, [-0.15, 0.7, 0.25], [-3.5, 0.2, 0.1], [20, -150, 30])
 GOAL = ReturnGoal([2.055, 0.7625], 0.55, 60, 20)
 
 
-def test_the_spread_is_that_of_sampled_strokes():
+def test_the_landing_error_is_that_of_sampled_strokes():
     stroke, errors, rng = solve(BALL, GOAL, PHYSICS), StrikeErrorParams(), np.random.default_rng(0)
     racket, off = stroke.racket, []
     for _ in range(4000):
@@ -32,14 +34,15 @@ def test_the_spread_is_that_of_sampled_strokes():
     assert landing_rms(BALL, stroke, GOAL.flight_time, PHYSICS, errors) == pytest.approx(math.sqrt(np.mean(off)), rel=0.1)
 
 
-def test_smaller_errors_spread_less_and_no_stroke_has_no_spread():
+def test_smaller_errors_land_nearer_and_no_stroke_lands_nowhere():
     stroke = solve(BALL, GOAL, PHYSICS)
     half = StrikeErrorParams(0.015, 0.005, 0.025, 7.5)
-    spreads = [landing_rms(BALL, stroke, GOAL.flight_time, PHYSICS, e) for e in (StrikeErrorParams(), half)]
-    assert spreads[1] == pytest.approx(0.5 * spreads[0], rel=0.05)  # linear, but for the differences' size
-    assert landing_rms(BALL, Stroke(None, None, 0.0, 0, "no"), 0.5, PHYSICS, half) == math.inf
-    with pytest.raises(OutOfRange, match="racket_angle = 1 is outside"):
+    rms = [landing_rms(BALL, stroke, GOAL.flight_time, PHYSICS, e) for e in (StrikeErrorParams(), half)]
+    assert rms[1] == pytest.approx(0.5 * rms[0], rel=0.05)  # linear, but for the differences' size
+    assert landing_rms(BALL, Stroke(None, None, 0.0, 0, Failure(StrokeFailure.NET, low=0.1)), 0.5, PHYSICS, half) == math.inf
+    with pytest.raises(OutOfRange) as error:
         StrikeErrorParams(racket_angle=1.0)
+    assert (error.value.name, error.value.value) == ("racket_angle", 1.0)
 
 
 def test_acostas_stroke_lands_on_the_goal_of_its_own_model():

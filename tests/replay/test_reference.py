@@ -9,8 +9,8 @@ from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, image_from_message, path_from_message, seconds
 from tt_predict.rollout import StopRule, rollout
-from tt_vision.capture.burst import Assembler
-from tt_vision.measure import measure
+from tt_vision.capture.assembler import Assembler
+from tt_vision.measure import measure_burst
 from tt_vision.rig import high_speed_pair
 
 BAGS = sorted((Path(__file__).parents[2] / "bags").glob("reference_*"))
@@ -37,7 +37,7 @@ def test_what_is_measured_and_predicted_is_what_was_true(bag):
     for time, side, message in sorted(images, key=lambda row: row[:2]):
         bursts.append(assembler.add(side, time, image_from_message(message)))
     (burst,) = [burst for burst in bursts if burst]
-    ball = measure(burst.left, burst.right, burst.times, cameras).ball
+    ball = measure_burst(burst.seen_by(cameras)).ball
 
     launched = ball_from_message(found["/sim/ball"][0])
     true = fly(launched.vector, ball.time - launched.time, PHYSICS.air.coefficients)

@@ -9,6 +9,8 @@ from tt_core.constants import RPM
 from tt_core.flight import Aerodynamics
 from tt_core.states import BallState
 from tt_sim.render import Scene, render
+from tt_vision.capture.burst import Burst
+from tt_vision.detection.ball_detection import detect_balls
 from tt_vision.rig import EXPOSURE, FRAME_RATE, VIEW_CENTRE, high_speed_pair
 
 
@@ -18,6 +20,15 @@ class Footage:
     times: np.ndarray
     ball: BallState  # at the last frame
     cameras: tuple
+
+    @property
+    def burst(self):
+        """With detections."""
+        return detect_balls(Burst(tuple(self.frames), self.times, tuple(self.cameras)))
+
+    @property
+    def left_burst(self):
+        return detect_balls(Burst((self.left,), self.times, tuple(self.cameras[:1])))
 
     @property
     def left(self):

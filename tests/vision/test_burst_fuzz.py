@@ -6,7 +6,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from tt_core.errors import TtError
-from tt_vision.capture.burst import MOST_BYTES, MOST_WAITING, Assembler, Burst
+from tt_vision.capture.assembler import MOST_BYTES, MOST_WAITING, Assembler
+from tt_vision.capture.burst import Burst
 
 FILM = []  # (side, time, image) of six frames, set by the fixture
 KINDS = [np.zeros((1, 1), np.uint8), np.full((64, 64), 8, np.uint8), np.full((232, 232), 255, np.uint8), np.full((232, 300), 8, np.uint16)]
@@ -18,7 +19,7 @@ class FaultyCameras(RuleBasedStateMachine):
 
     @initialize(refined=st.booleans())
     def begin(self, refined):
-        from tt_vision.capture.burst import BurstParams
+        from tt_vision.capture.assembler import BurstParams
 
         self.assembler, self.now = Assembler(BurstParams(refined=8 if refined else 0)), 100.0
 
@@ -70,7 +71,7 @@ class FaultyCameras(RuleBasedStateMachine):
     def it_stays_small(self):
         for queue in self.assembler._waiting if hasattr(self, "assembler") else ():
             assert len(queue) <= MOST_WAITING + 1
-            assert sum(seen[0].nbytes for _, seen in queue if seen) <= MOST_BYTES + 232 * 300 * 2
+            assert sum(one.seen.image.nbytes for one in queue if one.seen) <= MOST_BYTES + 232 * 300 * 2
         assert not hasattr(self, "assembler") or len(self.assembler._pairs) <= 12
 
 

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from tt_core.errors import BadShape, NotFinite, OutOfRange, TtError
-from tt_vision.camera import Camera, calibrate, triangulate
-from tt_vision.rig import APART, DISTANCE, VIEW_CENTRE, high_speed_pair
+from tt_core.errors import BadShape, NotFinite, OutOfRange
+from tt_vision.camera import Camera, CannotTriangulate, NotARotation, calibrate, triangulate
+from tt_vision.resection import CannotCalibrate
+from tt_vision.rig import DISTANCE, SIGHT_ANGLE, VIEW_CENTRE, high_speed_pair
 
 LEFT, RIGHT = high_speed_pair()
 BENT = dataclasses.replace(LEFT, distortion=[-0.2, 0.1, 1e-3, -2e-3, 0.05])
@@ -27,7 +28,7 @@ def test_the_rig_stands_as_described():
         assert camera.project(around(0, 0, 0))[0] == pytest.approx([115.5, 115.5])
         assert camera.position[1] < VIEW_CENTRE[1] and camera.position[2] > VIEW_CENTRE[2]
         assert (camera.project(around(0, 0, 0.01))[0] - 115.5) @ [0, 1] < 0.0  # up in the world is up in the image
-    assert math.acos(LEFT.rotation[2] @ RIGHT.rotation[2]) == pytest.approx(APART)
+    assert math.acos(LEFT.rotation[2] @ RIGHT.rotation[2]) == pytest.approx(SIGHT_ANGLE)
     flight = LEFT.project(np.vstack([around(0.02, 0, 0), around(-0.02, 0, 0)]))
     assert flight[1, 0] < flight[0, 0]  # a ball to -x flies to the left
 
@@ -69,14 +70,14 @@ def test_triangulation_shares_the_error_of_the_image():
     pixels = np.array([camera.project(points) + rng.normal(0.0, 0.1, (2000, 2)) for camera in (LEFT, RIGHT)])
     spread = triangulate((LEFT, RIGHT), pixels).std(axis=0)
     # 0.1 pixels is 57 um on the ball; across the baseline two looks average, along it 45 deg between the rays widen it
-    assert spread.max() < 57e-6 / math.sin(APART / 2)
+    assert spread.max() < 57e-6 / math.sin(SIGHT_ANGLE / 2)
 
 
 def test_what_cannot_be_triangulated_says_so():
     pixels = np.array([LEFT.project(around(0, 0, 0))])
-    with pytest.raises(TtError, match="1 cameras cannot"):
+    with pytest.raises(CannotTriangulate):
         triangulate((LEFT,), pixels)
-    with pytest.raises(TtError, match="parallel"):
+    with pytest.raises(CannotTriangulate):
         triangulate((LEFT, LEFT), np.repeat(pixels, 2, axis=0))
 
 
@@ -106,25 +107,28 @@ def test_calibration_averages_the_error_of_the_image():
 
 def test_what_cannot_be_calibrated_says_so():
     flat = np.array(VIEW_CENTRE) + np.random.default_rng(0).uniform(-0.05, 0.05, (20, 3)) * [1.0, 1.0, 0.0]
-    with pytest.raises(TtError, match="one plane"):
+    with pytest.raises(CannotCalibrate):
         calibrate(flat, RIGHT.project(flat))
-    with pytest.raises(TtError, match="6 needed"):
+    with pytest.raises(CannotCalibrate):
         calibrate(flat[:5], RIGHT.project(flat[:5]))
     with pytest.raises(BadShape):
         calibrate(flat, RIGHT.project(flat)[:5])
 
 
 def test_bad_cameras_name_what_is_bad():
-    with pytest.raises(NotFinite, match="translation"):
+    with pytest.raises(NotFinite) as told:
         dataclasses.replace(LEFT, translation=[0.0, np.nan, 0.0])
-    with pytest.raises(TtError, match="not a rotation"):
+    assert told.value.name == "translation"
+    with pytest.raises(NotARotation):
         dataclasses.replace(LEFT, rotation=2.0 * np.eye(3))
-    with pytest.raises(TtError, match="not a rotation"):
+    with pytest.raises(NotARotation):
         dataclasses.replace(LEFT, rotation=np.diag([1.0, 1.0, -1.0]))
-    with pytest.raises(OutOfRange, match="focal_length = 0 "):
+    with pytest.raises(OutOfRange) as told:
         dataclasses.replace(LEFT, focal_length=0.0)
-    with pytest.raises(BadShape, match="distortion"):
+    assert (told.value.name, told.value.value) == ("focal_length", 0.0)
+    with pytest.raises(BadShape) as told:
         dataclasses.replace(LEFT, distortion=[0.1])
+    assert (told.value.name, told.value.shape) == ("distortion", (1,))
     with pytest.raises(BadShape):
         LEFT.project(np.zeros((3, 2)))
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tt_core.errors import TtError
 from tt_core.lens import rational_from_fisheye
-from tt_vision.detection.ball_detection import find_ball
-from tt_vision.detection.lens_correction import Lens
-from tt_vision.measure import measure
+from tt_vision.capture.burst import BallDetection, Burst
+from tt_vision.detection.lens_correction import Lens, straighten
+from tt_vision.measure import measure_burst
 from tt_vision.rig import high_speed_pair
 
 WIDE = np.array([[600.0, 0.0, 320.0], [0.0, 603.0, 250.0], [0.0, 0.0, 1.0]])
@@ -32,10 +32,11 @@ def test_a_straightened_image_shows_the_world_where_its_camera_says(name, place)
     lens = Lens(WIDE, LENSES[name], 640, 480)
     pose = high_speed_pair()[0]
     column, row = (np.tile(np.arange(n, dtype=np.float32), (640 * 480 // n, 1)) for n in (640, 480))
-    spot = dataclasses.replace(find_ball(np.zeros((8, 8), np.uint8)), reason=None, u=place[0], v=place[1], radius=30.0)
+    ball = BallDetection(None, u=place[0], v=place[1], radius=30.0)
     scale = 64.0  # 16 bits hold 640 columns to a 64th of a pixel
     images = np.array([scale * column, scale * row.T]).astype(np.uint16)
-    resampled, _, camera = lens.straighten(images, [spot, spot], pose)
+    straight = straighten(Burst((images,), np.arange(2.0), detections=((ball, ball),)), [lens], [pose])
+    (resampled,), (camera,) = straight.images, straight.cameras
     assert not lens.is_nearly_straight  # nor is "none": its pixels are not square
     v, u = np.mgrid[10 : camera.height - 10 : 7, 10 : camera.width - 10 : 7]
     rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]).astype(float)) @ camera.rotation  # in `table`
@@ -61,9 +62,10 @@ def test_its_directions_are_those_of_its_pixels(name):
 def test_a_nearly_straight_lens_leaves_the_burst_as_it_is(rendered):
     for camera in (high_speed_pair()[0], dataclasses.replace(high_speed_pair()[0], distortion=[-0.2, 0.1, 1e-3, -2e-3, 0.05])):
         lens = Lens(camera.matrix, camera.distortion, camera.width, camera.height)
-        images, _, again = lens.straighten(rendered.left, [], camera)
-        assert np.shares_memory(images, rendered.left)
-        assert again.vector == pytest.approx(camera.vector, abs=1e-9)
+        straight = straighten(rendered.left_burst, [lens], [camera])
+        assert np.shares_memory(straight.images[0], rendered.left)
+        assert straight.detections == rendered.left_burst.detections
+        assert straight.cameras[0].vector == pytest.approx(camera.vector, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -73,9 +75,7 @@ def test_a_ball_is_measured_through_a_strong_lens(film, seed):
     shot = film(seed, cameras=cameras)
     lenses = [Lens(camera.matrix, camera.distortion, camera.width, camera.height) for camera in cameras]
     assert not any(lens.is_nearly_straight for lens in lenses)
-    spots = [[find_ball(image) for image in images] for images in shot.frames]
-    (left, right), spots, straight = zip(*map(Lens.straighten, lenses, shot.frames, spots, cameras), strict=True)
-    found = measure(left, right, shot.times, straight, spots=spots)
+    found = measure_burst(straighten(shot.burst, lenses, cameras))
     assert found.reason is None
     # what is promised at 95 % of a ball through straight lenses: 0.3 mm and 30 rpm
     assert np.linalg.norm(found.ball.position - shot.ball.position) < 3e-4

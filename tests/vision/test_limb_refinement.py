@@ -1,26 +1,24 @@
 """With the marks known, light and outlines are seen better."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tt_core.constants import RPM
-from tt_eval.synthetic_bursts import known
+from tt_eval.synthetic_bursts import calibrated_lamps
 from tt_sim.render import Lamps, Texture
-from tt_vision.detection.ball_detection import find_ball
-from tt_vision.detection.illumination import Light, shade
+from tt_vision.detection.illumination import LAMP, Illumination, refit_illumination, shade
 from tt_vision.measure import measure
 from tt_vision.motion_fit import fit_motion
 from tt_vision.spin.registration import SearchParams
-from tt_vision.spin.surface_map import unwrap
+from tt_vision.spin.surface_map import map_surface
 
 ONCE = SearchParams(second_look=False)
 
 
 def seen(shot, lamps=None):
-    spots = [[find_ball(image) for image in row] for row in shot.frames]
-    motion = fit_motion(shot.frames, spots, shot.times, shot.cameras)
-    backgrounds = np.array([[spot.background for spot in row] for row in spots])
-    tau = shot.times - shot.times.mean()
-    return motion, unwrap(shot.frames, backgrounds, motion.positions(shot.times), motion.alignment, tau, shot.cameras, lamps)
+    motion = fit_motion(shot.burst)
+    return motion, map_surface(shot.burst, motion, lamps)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +41,7 @@ def test_marks_along_the_outline_do_not_pull_it(shots):
 
 
 def test_known_lamps_place_the_outline(shots):
-    fitted, lit = (np.sqrt((off(shots, **options) ** 2).mean(axis=0)) for options in ({}, {"lamps": known(Lamps())}))
+    fitted, lit = (np.sqrt((off(shots, **options) ** 2).mean(axis=0)) for options in ({}, {"lamps": calibrated_lamps(Lamps())}))
     # of 240 bursts of plainer balls: 0.053 and 0.031 mm, 0.0066 and 0.0041 m/s rms
     assert (lit[:2] < fitted[:2]).all(), (fitted, lit)
 
@@ -54,29 +52,30 @@ def test_light_fitted_to_known_marks_is_the_light_that_made_them(film):
     rng = np.random.default_rng(0)
     harmonics, gloss = np.zeros((2, 16)), np.zeros((2, 4))
     harmonics[:, 0], harmonics[:, 1:4], gloss[:, 0], gloss[:, 1:] = 120.0, rng.normal(0.0, 20.0, (2, 3)), 15.0, rng.normal(0.0, 5.0, (2, 3))
-    gains = np.ones(12)
-    white, shine = shade(surface.normals, surface.views, harmonics, gloss, gains, np.zeros((2, 0, 4)))
+    true, centres = Illumination(harmonics, gloss, np.ones(12), np.zeros((2, 0), dtype=LAMP)), surface.sharp.views["centre"]
+    white, shine = shade(surface.normals, centres, true)
     marks = np.where(rng.random(white.shape) < 0.3, 0.1, 1.0).astype(np.float32)
-    light = Light(harmonics * 0.0, gloss * 0.0, gains, np.zeros((2, 0, 4))).again(marks * white + shine, surface.normals, marks)
-    found = shade(surface.normals, surface.views, light.harmonics, light.gloss, gains, light.lamps)
-    inside = surface.normals[..., 3] > 0.3
+    dark = true._replace(harmonics=harmonics * 0.0, gloss=gloss * 0.0)
+    found = shade(surface.normals, centres, refit_illumination(dark, marks * white + shine, surface.normals, marks))
+    inside = surface.normals["cosine"] > 0.3
     for got, wanted in zip(found, (white, shine), strict=True):
         assert got[inside] == pytest.approx(wanted[inside], abs=1.0)  # grey levels: the ridge on gloss, 1e-4, holds it back by so much
 
 
 def test_known_lamps_are_left_as_they_are(film):
-    _, surface = seen(film(75), known(Lamps()))
-    assert surface.light.known
-    assert surface.light.again(surface.stack, surface.normals, surface.marks[..., 0]) is surface.light
+    _, surface = seen(film(75), calibrated_lamps(Lamps()))
+    assert surface.illumination.is_calibrated
+    again = refit_illumination(surface.illumination, surface.stack, surface.normals, surface.sharp.marks["brightness"])
+    assert again is surface.illumination
 
 
 def test_a_ball_moved_by_a_part_of_a_pixel_keeps_its_marks(rendered):
     motion, surface = seen(rendered)
-    aside = motion.positions(rendered.times) + [0.0, 0.0, 1e-4]
-    moved = surface.at(aside, motion.alignment, rendered.cameras)
-    assert moved.marks is surface.marks
-    fresh = surface.at(motion.positions(rendered.times), motion.alignment, rendered.cameras)
-    assert fresh.views == pytest.approx(surface.views, abs=1e-12)
-    for m in range(len(moved.views)):
+    aside = dataclasses.replace(motion, position=motion.position + [0.0, 0.0, 1e-4])
+    moved, fresh = surface.moved_to(aside, rendered.burst).sharp, surface.moved_to(motion, rendered.burst).sharp
+    assert moved.marks is surface.sharp.marks
+    for name in surface.sharp.views.dtype.names:
+        assert fresh.views[name] == pytest.approx(surface.sharp.views[name], abs=1e-12)
+    for m, shift in enumerate(moved.views["centre"] - surface.sharp.views["centre"]):
         camera = rendered.cameras[m // len(rendered.times)]
-        assert moved.views[m, 9:12] - surface.views[m, 9:12] == pytest.approx(camera.rotation @ [0.0, 0.0, 1e-4], abs=1e-9)
+        assert shift == pytest.approx(camera.rotation @ [0.0, 0.0, 1e-4], abs=1e-9)

@@ -6,34 +6,42 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from tt_core.constants import BALL_RADIUS, GRAVITY
-from tt_vision.detection.ball_detection import find_ball
-from tt_vision.motion_fit import bearings, distances, fit_motion
+from tt_vision.capture.burst import Burst
+from tt_vision.detection.ball_detection import detect_balls
+from tt_vision.detection.outline import OUTLINE_POINT
+from tt_vision.motion_fit import FitSetup, bearings, distances, fit_motion
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 CAMERAS = high_speed_pair()
 
 
 def fit(shot, cameras=None):
-    count = len(cameras) if cameras else 2
-    frames = shot.frames[:count]
-    return fit_motion(frames, [[find_ball(i) for i in row] for row in frames], shot.times, cameras or shot.cameras)
+    cameras = cameras or shot.cameras
+    return fit_motion(detect_balls(Burst(tuple(shot.frames[: len(cameras)]), shot.times, cameras)))
+
+
+def outline_points(cameras, frames, pixels):
+    points = np.zeros(len(pixels), dtype=OUTLINE_POINT)
+    points["camera"], points["frame"], points["weight"] = cameras, frames, 1.0
+    points["u"], points["v"] = pixels.T
+    return points
 
 
 def test_the_derivative_is_that_of_finite_differences():
     rng = np.random.default_rng(0)
-    vectors, tau, gravity = np.array([c.vector for c in CAMERAS]), np.array([-1e-3, 0.0, 2e-3]), np.array([0.0, 0.0, -GRAVITY])
+    setup = FitSetup(np.array([c.vector for c in CAMERAS]), np.array([-1e-3, 0.0, 2e-3]), np.array([0.0, 0.0, -GRAVITY]))
     state = np.concatenate([VIEW_CENTRE, [-5.0, 0.3, 1.0], [0.1, -0.2]])
     side, frame, angle = rng.integers(0, 2, 50), rng.integers(0, 3, 50), rng.uniform(0.0, 6.3, 50)
     pixels = (
         np.array([CAMERAS[s].project(np.array(VIEW_CENTRE)[None])[0] for s in side]) + 35.0 * np.array([np.cos(angle), np.sin(angle)]).T
     )
-    points = np.column_stack([side, frame, pixels, np.ones(50)])
-    rays = bearings(points, vectors)
-    _, j, _ = distances(points, rays, vectors, tau, gravity, state)
+    points = outline_points(side, frame, pixels)
+    rays = bearings(points, setup.vectors)
+    j = distances(points, rays, setup, state).jacobian
     for a in range(6):
         step = np.zeros(8)
         step[a] = 1e-6
-        ahead, behind = (distances(points, rays, vectors, tau, gravity, state + s * step)[0] for s in (1, -1))
+        ahead, behind = (distances(points, rays, setup, state + s * step).outwards for s in (1, -1))
         # 1e-3: the second difference of atan2 at 35 pixels from the centre
         assert j[:, a] == pytest.approx((ahead - behind) / 2e-6, abs=1e-3 * np.abs(j[:, a]).max())
 
@@ -49,11 +57,10 @@ def test_the_outline_of_a_sphere_is_at_distance_zero():
     ring = np.cos(angles)[:, None] * across[0] + np.sin(angles)[:, None] * across[1]
     sine = BALL_RADIUS / distance
     points = centre - BALL_RADIUS * sine * away + BALL_RADIUS * np.sqrt(1 - sine**2) * ring
-    rows = np.column_stack([np.zeros(20), np.zeros(20), camera.project(points), np.ones(20)])
+    ring_points = outline_points(0, 0, camera.project(points))
     state = np.concatenate([centre, np.zeros(5)])
-    vectors = np.array([camera.vector])
-    found, _, _ = distances(rows, bearings(rows, vectors), vectors, np.zeros(1), np.zeros(3), state)
-    assert found == pytest.approx(np.zeros(20), abs=1e-9)
+    setup = FitSetup(np.array([camera.vector]), np.zeros(1), np.zeros(3))
+    assert distances(ring_points, bearings(ring_points, setup.vectors), setup, state).outwards == pytest.approx(np.zeros(20), abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -68,22 +75,17 @@ def test_the_flight_is_found(film, seed):
 
 
 def test_a_ball_at_rest_is_at_rest(film):
-    motion = fit_motion(*_still(film), acceleration=(0.0, 0.0, 0.0))
-    assert np.linalg.norm(motion.velocity) < 0.02
-
-
-def _still(film):
     shot = film(5, velocity=[0.0, 0.0, 0.0])
-    frames = np.repeat(shot.frames[:, :1], 6, axis=1)
-    return frames, [[find_ball(i) for i in row] for row in frames], shot.times, shot.cameras
+    still = Burst(tuple(np.repeat(shot.frames[:, :1], 6, axis=1)), shot.times, shot.cameras)
+    motion = fit_motion(detect_balls(still), acceleration=(0.0, 0.0, 0.0))
+    assert np.linalg.norm(motion.velocity) < 0.02
 
 
 def test_bending_the_flight_is_fitting_it_bent(film):
     shot = film(8)
     pull = np.array([8.0, -3.0, -15.0])
-    frames = [[find_ball(image) for image in row] for row in shot.frames]
-    fitted = fit_motion(shot.frames, frames, shot.times, shot.cameras, acceleration=pull)
-    bent = fit(shot).bent(pull, shot.times)
+    fitted = fit_motion(shot.burst, acceleration=pull)
+    bent = fit(shot).with_acceleration(pull, shot.times)
     # a fifth of the 50 um and 0.05 m/s that the bend amounts to: outline points count differently from frame to frame
     assert bent.position == pytest.approx(fitted.position, abs=1e-5)
     assert bent.velocity == pytest.approx(fitted.velocity, abs=1e-2)

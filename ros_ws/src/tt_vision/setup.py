@@ -1,4 +1,4 @@
-"""Installs tt_vision."""
+"""Build of the package."""
 
 from setuptools import find_packages, setup
 

@@ -27,7 +27,7 @@ from tt_tools.packages import executable
 from tt_tools.parameter_client import ParameterClient
 from tt_tools.play_node import PlayParams
 from tt_tools.record_node import RecordParams
-from tt_vision.capture.sources import SIDES
+from tt_vision.rig import SIDES
 
 NODES = {
     "sim": ("tt_sim", "sim_node"),
@@ -37,7 +37,8 @@ NODES = {
     "racket": ("tt_racket", "racket_node"),
     "arm": ("tt_arm", "arm_node"),
 }
-MODELS = ("air.", "table.", "racket.", "plant.")  # NaN in the file: the value of the model or world that is named
+# NaN in the file: the value of the model, the world or the hit window that is named
+MODELS = ("air.", "table.", "racket.", "plant.", "x_low", "x_high", "y_low", "y_high", "z_low", "z_high")
 OF_MIDDLEWARE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 PATIENCE = 120.0  # s, for a node to answer: a cold start compiles kernels
 
@@ -63,7 +64,7 @@ def as_yaml(nodes: dict[str, list[Declared]]) -> str:
     """Return the parameter file, with meaning and unit of each parameter as a comment."""
     lines = [
         "# Every parameter of every node, as the launch files load it. Written by: python -m tt_bringup.parameters",
-        "# .nan stands for the value of the model that `physics` names, or of the world.",
+        "# .nan stands for the value of the model that `physics` names, of the hit window that `window` names, or of the world.",
     ]
     for node, parameters in nodes.items():
         lines += [f"/**/{node}:", "  ros__parameters:"]

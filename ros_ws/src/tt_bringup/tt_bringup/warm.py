@@ -18,13 +18,14 @@ from tt_predict.rollout import StopRule, rollout
 from tt_predict.uncertainty import uncertainty
 from tt_racket.goal import GoalParams, default_goal
 from tt_racket.intercept import InterceptParams, intercept
+from tt_racket.stroke import solve
 from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.render import Scene
 from tt_sim.simulated_robot import warm as warm_hardware
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_sim.world.plant import Plant
-from tt_vision.measure import warm as warm_vision
 from tt_vision.rig import high_speed_pair
+from tt_vision.warm import warm as warm_vision
 
 
 def images() -> None:
@@ -51,7 +52,9 @@ def main() -> None:
     beside.start()
     uncertainty(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
-    intercept(path, default_goal(ball.spin, GoalParams()), physics, InterceptParams())
+    goal = default_goal(ball.spin, GoalParams())
+    intercept(path, goal, physics, InterceptParams())
+    solve(path.end, goal, physics, method="sam")
     arm = ArmModel.pa10()
     warm_arm(arm)
     warm_hardware(Plant(arm))

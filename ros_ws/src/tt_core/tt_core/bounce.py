@@ -1,7 +1,8 @@
 """The ball on the table and on the racket: instant rebounds (dissertation Sections 3.3 and 3.4).
 
-A rebound adds to the velocity an impulse along the surface normal n and one along the slip of the contact point, and to the spin what the
-second one turns. Kernels work on (3,) arrays in place and do not validate.
+A rebound adds an impulse along the surface normal n and an impulse along the slip of the contact point to the velocity. The second impulse
+also changes the spin. Kernels work on arrays (3,) in place and do not validate. Coefficients enter from Python as one array, which
+`table_coefficients` and `racket_coefficients` turn into named ones.
 """
 
 from __future__ import annotations
@@ -9,27 +10,64 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from .arrays import Array
 from .constants import BALL_RADIUS
 from .errors import OutOfRange, check_array, check_range
 from .params import check, param
-from .states import Array, RacketState
+from .states import RacketState
+
+
+class TableCoefficients(NamedTuple):
+    """What the kernels need of `TableRebound`, with the same names."""
+
+    restitution: float
+    friction: float
+    grip: float
+
+
+class RacketCoefficients(NamedTuple):
+    """What the kernels need of `RacketRebound`, with the same names; `turn` in rad/m stands for `rotational`."""
+
+    restitution: float
+    restitution_drop: float
+    restitution_least: float
+    tangential: float
+    tangential_drop: float
+    tangential_least: float
+    turn: float
+
+
+@njit(cache=True)
+def table_coefficients(row: Array) -> TableCoefficients:
+    """Name the numbers of `TableRebound.coefficients` (3,)."""
+    return TableCoefficients(row[0], row[1], row[2])
+
+
+@njit(cache=True)
+def racket_coefficients(row: Array) -> RacketCoefficients:
+    """Name the numbers of `RacketRebound.coefficients` (7,)."""
+    return RacketCoefficients(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
 
 
 @dataclass(frozen=True)
 class TableRebound:
-    """Ball and table: slip with friction, or grip.
+    """Rebound of the ball from the table: it slips with friction, or it grips.
 
-    restitution: e_t (3.7). friction: mu (3.8). grip: tangential impulse in grip over that of rolling, 1 is (3.14); above 1 the table
-    gives some of it back.
+    Raises:
+        OutOfRange: A coefficient is outside its range.
+        NotFinite: A coefficient is NaN or infinite.
     """
 
     restitution: float = param(0.93, "", "share of the vertical speed after the bounce, e_t of (3.7), Section 3.3", low=0.0, high=1.0)
     friction: float = param(0.25, "", "friction coefficient while the ball slips, mu of (3.8), Section 3.3", low=0.0, high=2.0)
-    grip: float = param(1.0, "", "tangential impulse in grip over that of rolling, 1 is (3.14)", low=0.0, high=2.0)
+    grip: float = param(
+        1.0, "", "tangential impulse in grip over that of rolling, 1 is (3.14); above 1 the table gives some of it back", low=0.0, high=2.0
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -37,46 +75,61 @@ class TableRebound:
 
     @classmethod
     def liu(cls) -> TableRebound:
-        """The dissertation's (3.4)-(3.18)."""
+        """Return the dissertation's model (3.4)-(3.18)."""
         return cls()
 
     @classmethod
     def measured(cls) -> TableRebound:
-        """Real balls: restitution 0.90 to 0.92, friction 0.26, grip 1.1 to 1.4."""
+        """Return a model of real balls, measured as restitution 0.90 to 0.92, friction 0.26, grip 1.1 to 1.4."""
         return cls(0.91, 0.26, 1.25)
 
     @cached_property
     def coefficients(self) -> Array:
-        return np.array([self.restitution, self.friction, self.grip])
+        """`TableCoefficients` as an array (3,), which a kernel takes from Python."""
+        return np.array(TableCoefficients(self.restitution, self.friction, self.grip))
 
     def after(self, velocity: Array, spin: Array) -> tuple[Array, Array]:
-        """velocity (3,) m/s and spin (3,) rad/s after the contact, in `table`.
+        """Return the ball after the contact.
 
-        Raises OutOfRange unless the ball moves down, BadShape, NotFinite.
+        Args:
+            velocity: (3,) m/s before the contact, in `table`.
+            spin: (3,) rad/s before the contact, in `table`.
+
+        Returns:
+            Velocity (3,) and spin (3,) after the contact.
+
+        Raises:
+            OutOfRange: The ball does not move down.
+            BadShape: An array has another shape.
+            NotFinite: A number is NaN or infinite.
         """
         v, w = check_array("velocity", velocity, (3,)).copy(), check_array("spin", spin, (3,)).copy()
         if v[2] >= 0.0:
             raise OutOfRange("velocity z at the table", v[2], -math.inf, 0.0)
-        rebound_table(v, w, self.coefficients)
+        _rebound_table_entry(v, w, self.coefficients)
         return v, w
 
 
 @dataclass(frozen=True)
 class RacketRebound:
-    """Ball and rubber (3.25)-(3.28).
+    """Rebound of the ball from the rubber of the racket (3.25)-(3.28).
 
-    Normal restitution max(restitution_least, restitution - restitution_drop v_n) for the approach speed v_n. Slip u of the contact point is
-    answered by -k u with k = max(tangential_least, tangential - tangential_drop |u|); the spin gains (rotational/tangential) r times the
-    cross product of slip impulse and normal (4.14), so the ratio of both is constant.
+    The restitution along the face normal is max(restitution_least, restitution - restitution_drop v_n) for the approach speed v_n. The slip
+    velocity u of the contact point changes by -k u with k = max(tangential_least, tangential - tangential_drop |u|). The spin changes by
+    (rotational / tangential) r times the cross product of slip impulse and normal (4.14), so the ratio of both is constant.
+
+    Raises:
+        OutOfRange: A coefficient is outside its range, or a least value is above the value that it bounds.
+        NotFinite: A coefficient is NaN or infinite.
     """
 
     restitution: float = param(0.73, "", "restitution along the face normal, e_r, Section 3.4", low=0.0, high=1.0)
     tangential: float = param(0.615, "", "share of the slip velocity that the rubber takes, k_pv, Section 3.4", low=1e-3, high=2.0)
-    rotational: float = param(2570.0, "1/m^2", "spin change per slip, k_pw, Section 3.4", low=0.0, high=2e4)
+    rotational: float = param(2570.0, "1/m^2", "change of spin per slip velocity and radius, k_pw, Section 3.4", low=0.0, high=2e4)
     restitution_drop: float = param(0.0, "s/m", "fall of the restitution with the approach speed", low=0.0, high=1.0)
-    restitution_least: float = param(0.0, "", "least restitution", low=0.0, high=1.0)
+    restitution_least: float = param(0.0, "", "least restitution at high approach speeds", low=0.0, high=1.0)
     tangential_drop: float = param(0.0, "s/m", "fall of `tangential` with the slip speed", low=0.0, high=1.0)
-    tangential_least: float = param(0.0, "", "least `tangential`", low=0.0, high=2.0)
+    tangential_least: float = param(0.0, "", "least value of `tangential` at high slip speeds", low=0.0, high=2.0)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -86,78 +139,115 @@ class RacketRebound:
 
     @classmethod
     def liu(cls) -> RacketRebound:
-        """The dissertation's constants."""
+        """Return the dissertation's model."""
         return cls()
 
     @classmethod
     def measured(cls) -> RacketRebound:
-        """Real rubber: e = 0.917 - 0.0214 v_n down to 0.665; transfer 0.73 down to 0.65, here over 8 m/s of slip, an assumption;
-        the impulse turns a thin shell, k_w = 3 k_v / (2 r^2)."""
+        """Return a model of real rubber.
+
+        Its restitution is e = 0.917 - 0.0214 v_n, at least 0.665. Its tangential transfer falls from 0.73 to 0.65, here over 8 m/s of slip,
+        which is an assumption. The impulse turns a thin shell: k_w = 3 k_v / (2 r^2).
+        """
         return cls(0.917, 0.73, 0.73 * 1.5 / BALL_RADIUS**2, 0.0214, 0.665, 0.01, 0.65)
 
     @cached_property
     def coefficients(self) -> Array:
+        """`RacketCoefficients` as an array (7,), which a kernel takes from Python."""
         return np.array(
-            [
-                self.restitution,
-                self.restitution_drop,
-                self.restitution_least,
-                self.tangential,
-                self.tangential_drop,
-                self.tangential_least,
-                self.turn,
-            ]
+            RacketCoefficients(
+                restitution=self.restitution,
+                restitution_drop=self.restitution_drop,
+                restitution_least=self.restitution_least,
+                tangential=self.tangential,
+                tangential_drop=self.tangential_drop,
+                tangential_least=self.tangential_least,
+                turn=self.turn,
+            )
         )
 
     @property
     def turn(self) -> float:
-        """k_w r / k_v, rad/m: spin change over tangential velocity change, (4.11)."""
+        """Change of spin over tangential change of velocity, k_w r / k_v (4.11), rad/m."""
         return self.rotational * BALL_RADIUS / self.tangential
 
     def after(self, velocity: Array, spin: Array, racket: RacketState) -> tuple[Array, Array]:
-        """velocity (3,) m/s and spin (3,) rad/s after the contact, in `table`; both faces of the racket have this rubber.
+        """Return the ball after the contact. Both faces of the racket have this rubber.
 
-        Raises BadShape, NotFinite.
+        Args:
+            velocity: (3,) m/s before the contact, in `table`.
+            spin: (3,) rad/s before the contact, in `table`.
+            racket: The racket at the contact.
+
+        Returns:
+            Velocity (3,) and spin (3,) after the contact.
+
+        Raises:
+            BadShape: An array has another shape.
+            NotFinite: A number is NaN or infinite.
         """
         v, w = check_array("velocity", velocity, (3,)).copy(), check_array("spin", spin, (3,)).copy()
-        rebound_racket(v, w, racket.velocity, racket.normal, self.coefficients)
+        _rebound_racket_entry(v, w, racket.velocity, racket.normal, self.coefficients)
         return v, w
 
 
 @njit(cache=True)
-def rebound_table(v: Array, w: Array, c: Array) -> None:
-    """(3.15)-(3.18) in place; slip and grip meet where their impulses are equal."""
-    ux, uy = v[0] - BALL_RADIUS * w[1], v[1] + BALL_RADIUS * w[0]
+def rebound_table(v: Array, w: Array, table: TableCoefficients) -> None:
+    """Change velocity v (3,) and spin w (3,) of the ball as the table does, (3.15)-(3.18).
+
+    Slip and grip meet where their impulses are equal.
+    """
+    ux, uy = v[0] - BALL_RADIUS * w[1], v[1] + BALL_RADIUS * w[0]  # of the contact point
     slip = math.sqrt(ux * ux + uy * uy)
-    share = 0.4 * c[2]
+    share = 0.4 * table.grip  # of the slip that is taken away; 0.4 makes a thin shell roll (3.14)
     if slip > 0.0:
-        share = min(share, c[1] * (1.0 + c[0]) * abs(v[2]) / slip)
+        share = min(share, table.friction * (1.0 + table.restitution) * abs(v[2]) / slip)
     v[0] -= share * ux
     v[1] -= share * uy
-    v[2] *= -c[0]
+    v[2] *= -table.restitution
     w[0] -= 1.5 * share / BALL_RADIUS * uy
     w[1] += 1.5 * share / BALL_RADIUS * ux
 
 
 @njit(cache=True)
-def rebound_racket(v: Array, w: Array, racket_velocity: Array, normal: Array, c: Array) -> None:
-    """(3.25)-(3.28) in place, for a racket with that velocity and unit normal."""
+def rebound_racket(v: Array, w: Array, racket_velocity: Array, normal: Array, rubber: RacketCoefficients) -> None:
+    """Change velocity v (3,) and spin w (3,) of the ball as the racket does, (3.25)-(3.28).
+
+    Args:
+        v: m/s, changed in place.
+        w: rad/s, changed in place.
+        racket_velocity: (3,) m/s.
+        normal: (3,) unit normal of either face.
+        rubber: Coefficients.
+    """
     u0, u1, u2 = v[0] - racket_velocity[0], v[1] - racket_velocity[1], v[2] - racket_velocity[2]
     n0, n1, n2 = normal[0], normal[1], normal[2]
     un = u0 * n0 + u1 * n1 + u2 * n2
-    if un > 0.0:  # the other face
+    if un > 0.0:  # the ball meets the other face
         n0, n1, n2, un = -n0, -n1, -n2, -un
     s0 = u0 - un * n0 - BALL_RADIUS * (w[1] * n2 - w[2] * n1)
     s1 = u1 - un * n1 - BALL_RADIUS * (w[2] * n0 - w[0] * n2)
     s2 = u2 - un * n2 - BALL_RADIUS * (w[0] * n1 - w[1] * n0)
     slip = math.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
-    restitution = max(c[2], c[0] + c[1] * un)
-    k = max(c[5], c[3] - c[4] * slip)
+    restitution = max(rubber.restitution_least, rubber.restitution + rubber.restitution_drop * un)
+    k = max(rubber.tangential_least, rubber.tangential - rubber.tangential_drop * slip)
     push = -(1.0 + restitution) * un
     v[0] += push * n0 - k * s0
     v[1] += push * n1 - k * s1
     v[2] += push * n2 - k * s2
-    turn = c[6] * k
+    turn = rubber.turn * k
     w[0] += turn * (n1 * s2 - n2 * s1)
     w[1] += turn * (n2 * s0 - n0 * s2)
     w[2] += turn * (n0 * s1 - n1 * s0)
+
+
+@njit(cache=True)
+def _rebound_table_entry(v: Array, w: Array, table: Array) -> None:
+    """Call `rebound_table` from Python."""
+    rebound_table(v, w, table_coefficients(table))
+
+
+@njit(cache=True)
+def _rebound_racket_entry(v: Array, w: Array, racket_velocity: Array, normal: Array, rubber: Array) -> None:
+    """Call `rebound_racket` from Python."""
+    rebound_racket(v, w, racket_velocity, normal, racket_coefficients(rubber))

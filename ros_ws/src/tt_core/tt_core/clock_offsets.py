@@ -87,9 +87,10 @@ class ClockOffsets:
 
 
 def _recent(sample: _Sample, now: float) -> bool:
+    """Tell whether a sample still counts at `now` (s)."""
     return abs(now - sample.time) <= WINDOW
 
 
 def _agree(one: _Sample, other: _Sample) -> bool:
-    """Whether one offset lies within the uncertainty of both."""
+    """Tell whether one offset lies within the uncertainty of both."""
     return abs(one.offset - other.offset) <= one.uncertainty + other.uncertainty + ROUNDING

@@ -16,14 +16,16 @@ class OutOfRange(TtError):
     """A value outside its bounds."""
 
     def __init__(self, name: str, value: float, low: float, high: float) -> None:
+        """Keep the value and its bounds, so that a caller can decide on them."""
         super().__init__(f"{name} = {value:g} is outside [{low:g}, {high:g}]")
         self.name, self.value, self.low, self.high = name, value, low, high
 
 
 class BadShape(TtError):
-    """An array of another shape than wanted."""
+    """An array whose shape is not the wanted one."""
 
     def __init__(self, name: str, shape: tuple[int, ...], wanted: object) -> None:
+        """Keep the shape and the wanted one."""
         super().__init__(f"{name} has shape {shape}, wanted {wanted}")
         self.name, self.shape, self.wanted = name, shape, wanted
 
@@ -32,12 +34,13 @@ class NotFinite(TtError):
     """A NaN or an infinity where a number is needed."""
 
     def __init__(self, name: str, value: Any) -> None:
+        """Keep the value."""
         super().__init__(f"{name} = {np.array2string(np.asarray(value), threshold=20)} is not finite")
         self.name, self.value = name, value
 
 
 class BadChoice(TtError):
-    """A text that is none of those allowed."""
+    """A text that is not one of those allowed."""
 
     def __init__(self, name: str, value: str, choices: tuple[str, ...]) -> None:
         """Keep the value and the choices, so that a caller can decide on them."""
@@ -46,7 +49,7 @@ class BadChoice(TtError):
 
 
 class BadMessage(TtError):
-    """A message that does not hold what its topic promises."""
+    """A message whose content is not what its topic carries."""
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
@@ -57,7 +60,21 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
 
 
 def check_range(name: str, value: float, low: float, high: float) -> float:
-    """`value` as float; raises NotFinite or OutOfRange."""
+    """Check a number.
+
+    Args:
+        name: What the number is called in errors.
+        value: The number.
+        low: Least value allowed.
+        high: Largest value allowed.
+
+    Returns:
+        `value` as float.
+
+    Raises:
+        NotFinite: It is NaN or infinite.
+        OutOfRange: It is below `low` or above `high`.
+    """
     value = float(value)
     if not math.isfinite(value):
         raise NotFinite(name, value)
@@ -67,7 +84,20 @@ def check_range(name: str, value: float, low: float, high: float) -> float:
 
 
 def check_array(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """A read-only float64 copy of `value`; -1 in `shape` takes any length. Raises BadShape or NotFinite."""
+    """Check an array.
+
+    Args:
+        name: What the array is called in errors.
+        value: The array, or nested lists of numbers.
+        shape: The shape wanted; -1 stands for any length.
+
+    Returns:
+        A read-only float64 copy of `value`.
+
+    Raises:
+        BadShape: It has another shape.
+        NotFinite: A number is NaN or infinite.
+    """
     array = np.array(value, dtype=np.float64)
     if array.shape != shape and not (
         array.ndim == len(shape) and all(want in (-1, have) for have, want in zip(array.shape, shape, strict=True))

@@ -1,8 +1,11 @@
 """The ball in the air: gravity, drag and Magnus force (dissertation Section 3.2), integrated to rounding error.
 
 The acceleration depends on velocity and spin only, so one Dormand-Prince step of order 5 on the velocity carries the position with it.
-At MAX_STEP its error is about 1e-11 m over a flight. Kernels take and fill plain arrays, state = (9,) position, velocity, spin;
-they are compiled, allocation-free in the loop and do not validate; a division by zero gives inf: the check for it costs 5 % of the time.
+With steps of MAX_STEP the position is about 1e-11 m off after a flight.
+
+Kernels take and fill arrays: a state (9,) is position, velocity, spin. They are compiled, allocate nothing in their loops and do not
+validate. A division by zero gives inf, because the check for it costs 5 % of the time. Coefficients enter from Python as one array, which
+`air_coefficients` turns into named ones.
 """
 
 from __future__ import annotations
@@ -10,14 +13,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from .arrays import SPIN, VELOCITY, VX, VY, VZ, WX, WY, WZ, Array, X, Y, Z
 from .constants import AIR_DENSITY, BALL_MASS, BALL_RADIUS, GRAVITY
 from .errors import check_array
 from .params import check, param
-from .states import Array
 
 MAX_STEP = 0.025  # s, of the integrator
 CALM = 1.0  # m/s, below which steps shrink, see `ease`; with these two the largest error of 10,000 flights is 1.4e-10 m
@@ -27,12 +31,47 @@ DRAG_UNIT = AIR_DENSITY / BALL_MASS * 0.5 * math.pi * BALL_RADIUS**2  # 1/m for 
 LIFT_UNIT = AIR_DENSITY / BALL_MASS * 4.0 / 3.0 * math.pi * BALL_RADIUS**3  # dimensionless for C_M = 1, (3.1)
 
 
+class AirCoefficients(NamedTuple):
+    """What the kernels need of `Aerodynamics`, with DRAG_UNIT and LIFT_UNIT applied.
+
+    Attributes:
+        gravity: m/s^2.
+        drag: 1/m, a_D of (3.2) times DRAG_UNIT.
+        drag_h: 1/m, b_D of (3.2) times DRAG_UNIT.
+        lift: a_M of (3.2) times LIFT_UNIT.
+        lift_h: b_M of (3.2) times LIFT_UNIT.
+        lift_ratio: Numerator of the part of the lift that falls with the spin ratio, times LIFT_UNIT.
+        ratio_offset: Offset of the spin ratio in the denominator of that part.
+        spin_decay: 1/s.
+    """
+
+    gravity: float
+    drag: float
+    drag_h: float
+    lift: float
+    lift_h: float
+    lift_ratio: float
+    ratio_offset: float
+    spin_decay: float
+
+
+@njit(cache=True)
+def air_coefficients(row: Array) -> AirCoefficients:
+    """Name the numbers of `Aerodynamics.coefficients` (8,)."""
+    return AirCoefficients(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
+
+
 @dataclass(frozen=True)
 class Aerodynamics:
-    """Coefficients of the air.
+    """Model of the air.
 
-    Drag C_D = drag + drag_h h, lift C_M = lift + lift_h h + lift_ratio / (ratio_offset + S), with h of (3.3) and the spin ratio
-    S = r |w| / |v|; acceleration -g - C_D DRAG_UNIT |v| v + C_M LIFT_UNIT w x v (3.1); spin falls with rate spin_decay.
+    With h of (3.3) and the spin ratio S = r |w| / |v|, the drag coefficient is C_D = drag + drag_h h, and the lift coefficient is
+    C_M = lift + lift_h h + lift_ratio / (ratio_offset + S). The acceleration is -g - C_D DRAG_UNIT |v| v + C_M LIFT_UNIT w x v (3.1). The
+    spin falls exponentially at the rate spin_decay.
+
+    Raises:
+        OutOfRange: A coefficient is outside its range.
+        NotFinite: A coefficient is NaN or infinite.
     """
 
     drag: float = param(0.505, "", "drag coefficient a_D of (3.2)", low=0.0, high=2.0)
@@ -50,68 +89,85 @@ class Aerodynamics:
 
     @classmethod
     def liu(cls) -> Aerodynamics:
-        """The dissertation's (3.1)-(3.3)."""
+        """Return the dissertation's model (3.1)-(3.3)."""
         return cls()
 
     @classmethod
     def measured(cls) -> Aerodynamics:
-        """Fitted to real balls: K = 1.80e-3 / (0.353 + S), k_d = 0.131 1/m, spin time constant 12.5 s."""
+        """Return a model fitted to real balls: K = 1.80e-3 / (0.353 + S), k_d = 0.131 1/m, spin time constant 12.5 s."""
         return cls(0.131 / DRAG_UNIT, 0.0, 0.0, 0.0, 1.80e-3 / LIFT_UNIT, 0.353, 1.0 / 12.5)
 
     @classmethod
     def gravity_only(cls) -> Aerodynamics:
-        """The free falling ball of Fig. 3.12."""
+        """Return the free fall of Fig. 3.12."""
         return cls(0.0, 0.0, 0.0, 0.0)
 
     @cached_property
     def coefficients(self) -> Array:
-        """(8,) for the kernels, units applied."""
-        d, m = DRAG_UNIT, LIFT_UNIT
+        """`AirCoefficients` as an array (8,), which a kernel takes from Python."""
         return np.array(
-            [
-                self.gravity,
-                self.drag * d,
-                self.drag_h * d,
-                self.lift * m,
-                self.lift_h * m,
-                self.lift_ratio * m,
-                self.ratio_offset,
-                self.spin_decay,
-            ]
+            AirCoefficients(
+                gravity=self.gravity,
+                drag=self.drag * DRAG_UNIT,
+                drag_h=self.drag_h * DRAG_UNIT,
+                lift=self.lift * LIFT_UNIT,
+                lift_h=self.lift_h * LIFT_UNIT,
+                lift_ratio=self.lift_ratio * LIFT_UNIT,
+                ratio_offset=self.ratio_offset,
+                spin_decay=self.spin_decay,
+            )
         )
 
     def acceleration(self, velocity: Array, spin: Array) -> Array:
-        """(3,) m/s^2 for velocity (3,) m/s and spin (3,) rad/s in `table`, (3.1). Raises BadShape, NotFinite."""
+        """Return the acceleration of the ball (3.1).
+
+        Args:
+            velocity: (3,) m/s in `table`.
+            spin: (3,) rad/s in `table`.
+
+        Returns:
+            (3,) m/s^2 in `table`.
+
+        Raises:
+            BadShape: An array has another shape.
+            NotFinite: A number is NaN or infinite.
+        """
         out = np.empty(3)
-        accelerate(check_array("velocity", velocity, (3,)), check_array("spin", spin, (3,)), self.coefficients, out)
+        _accelerate_entry(check_array("velocity", velocity, (3,)), check_array("spin", spin, (3,)), self.coefficients, out)
         return out
 
 
 @njit(cache=True, error_model="numpy")
-def _pull(v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, c: Array) -> tuple[float, float, float]:
-    """(3.1)-(3.3); h = 0 where (3.3) is 0/0: no spin, or spin along the flight."""
+def _acceleration(v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, air: AirCoefficients) -> tuple[float, float, float]:
+    """Return the acceleration (3.1)-(3.3) for velocity and spin; h = 0 where (3.3) is 0/0: no spin, or spin along the flight."""
     across, flat = v0 * w1 - v1 * w0, v0 * v0 + v1 * v1
     norm = math.sqrt(across * across + flat * w2 * w2)
     h = across / norm if norm > 1e-9 else 0.0
     speed = math.sqrt(flat + v2 * v2)
-    drag = (c[1] + c[2] * h) * speed
-    lift = c[3] + c[4] * h
-    if c[5] != 0.0 and speed > 0.0:
-        lift += c[5] / (c[6] + BALL_RADIUS * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2) / speed)
+    drag = (air.drag + air.drag_h * h) * speed
+    lift = air.lift + air.lift_h * h
+    if air.lift_ratio != 0.0 and speed > 0.0:
+        lift += air.lift_ratio / (air.ratio_offset + BALL_RADIUS * math.sqrt(w0 * w0 + w1 * w1 + w2 * w2) / speed)
     return (
         -drag * v0 + lift * (w1 * v2 - w2 * v1),
         -drag * v1 + lift * (w2 * v0 - w0 * v2),
-        -drag * v2 + lift * (w0 * v1 - w1 * v0) - c[0],
+        -drag * v2 + lift * (w0 * v1 - w1 * v0) - air.gravity,
     )
 
 
 @njit(cache=True, error_model="numpy")
-def accelerate(v: Array, w: Array, c: Array, out: Array) -> None:
-    """The acceleration (3,) for velocity and spin (3,)."""
-    out[0], out[1], out[2] = _pull(v[0], v[1], v[2], w[0], w[1], w[2], c)
+def accelerate(velocity: Array, spin: Array, air: AirCoefficients, out: Array) -> None:
+    """Fill `out` (3,) with the acceleration in m/s^2 for velocity (3,) and spin (3,)."""
+    out[0], out[1], out[2] = _acceleration(velocity[0], velocity[1], velocity[2], spin[0], spin[1], spin[2], air)
 
 
-# Dormand and Prince 1980, RK5(4)7M, the order 5 row
+@njit(cache=True, error_model="numpy")
+def _accelerate_entry(velocity: Array, spin: Array, air: Array, out: Array) -> None:
+    """Call `accelerate` from Python."""
+    accelerate(velocity, spin, air_coefficients(air), out)
+
+
+# Dormand and Prince 1980, RK5(4)7M, the row of order 5
 _A = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0],
@@ -127,9 +183,17 @@ _C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
-def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
-    """One step of h seconds from state (9,) into out (9,), which may be the same; work (8, 3) is scratch."""
-    v0, v1, v2, w0, w1, w2 = state[3], state[4], state[5], state[6], state[7], state[8]
+def step(state: Array, h: float, air: AirCoefficients, out: Array, work: Array) -> None:
+    """Integrate one step.
+
+    Args:
+        state: (9,) at the start of the step.
+        h: s, length of the step.
+        air: Coefficients.
+        out: (9,) filled with the state at the end of the step; may be `state` itself.
+        work: (8, 3) scratch.
+    """
+    v0, v1, v2, w0, w1, w2 = state[VX], state[VY], state[VZ], state[WX], state[WY], state[WZ]
     dp0, dp1, dp2, dv0, dv1, dv2, fade = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     for i in range(6):
         s0, s1, s2 = v0, v1, v2
@@ -138,9 +202,9 @@ def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
             s0 += a * work[j, 0]
             s1 += a * work[j, 1]
             s2 += a * work[j, 2]
-        if c[7] != 0.0:
-            fade = math.exp(-c[7] * _C[i] * h)
-        a0, a1, a2 = _pull(s0, s1, s2, fade * w0, fade * w1, fade * w2, c)
+        if air.spin_decay != 0.0:
+            fade = math.exp(-air.spin_decay * _C[i] * h)
+        a0, a1, a2 = _acceleration(s0, s1, s2, fade * w0, fade * w1, fade * w2, air)
         work[i, 0], work[i, 1], work[i, 2] = a0, a1, a2
         b = h * _B[i]
         dp0 += b * s0
@@ -149,59 +213,91 @@ def step(state: Array, h: float, c: Array, out: Array, work: Array) -> None:
         dv0 += b * a0
         dv1 += b * a1
         dv2 += b * a2
-    out[0], out[1], out[2] = state[0] + dp0, state[1] + dp1, state[2] + dp2
-    out[3], out[4], out[5] = v0 + dv0, v1 + dv1, v2 + dv2
-    out[6], out[7], out[8] = fade * w0, fade * w1, fade * w2
+    out[X], out[Y], out[Z] = state[X] + dp0, state[Y] + dp1, state[Z] + dp2
+    out[VX], out[VY], out[VZ] = v0 + dv0, v1 + dv1, v2 + dv2
+    out[WX], out[WY], out[WZ] = fade * w0, fade * w1, fade * w2
 
 
 @njit(cache=True, error_model="numpy")
-def ease(state: Array, c: Array) -> float:
-    """The share of a step that is as exact as the step is elsewhere: less than 1 where h of (3.3) swings round, with spin along the flight.
+def ease(state: Array, air: AirCoefficients) -> float:
+    """Return the share of a step that is as exact as a full step is elsewhere, LEAST_EASE to 1.
 
-    h is a direction; the length that goes with it, over the spin, is a velocity, and steps shrink with it below CALM.
+    It is below 1 where the spin lies along the flight, because the direction h of (3.3) turns fast there. Over the spin, the length that
+    goes with h is a velocity; steps shrink with it below CALM.
     """
-    if c[2] == 0.0 and c[4] == 0.0:
+    if air.drag_h == 0.0 and air.lift_h == 0.0:
         return 1.0
-    across, flat = state[3] * state[7] - state[4] * state[6], state[3] * state[3] + state[4] * state[4]
-    spin = state[6] * state[6] + state[7] * state[7] + state[8] * state[8]
-    length = across * across + flat * state[8] * state[8]
+    across, flat = state[VX] * state[WY] - state[VY] * state[WX], state[VX] * state[VX] + state[VY] * state[VY]
+    spin = state[WX] * state[WX] + state[WY] * state[WY] + state[WZ] * state[WZ]
+    length = across * across + flat * state[WZ] * state[WZ]
     share = 1.0 if length >= CALM * CALM * spin else math.sqrt(length / spin) / CALM
-    return share if share > LEAST_EASE else LEAST_EASE  # of NaN, too: whoever walks by these steps comes to an end
+    return share if share > LEAST_EASE else LEAST_EASE  # also if it is NaN, so that integration with these steps comes to an end
 
 
 @njit(cache=True, error_model="numpy")
-def fly_into(state: Array, duration: float, c: Array, max_step: float, out: Array, work: Array) -> None:
-    """Fill out (9,) with the state `duration` seconds later, free flight; duration may be negative. work (8, 3) is scratch."""
+def fly_into(state: Array, duration: float, air: AirCoefficients, max_step: float, out: Array, work: Array) -> None:
+    """Integrate free flight.
+
+    Args:
+        state: (9,) at the start.
+        duration: s, may be negative.
+        air: Coefficients.
+        max_step: s, longest step.
+        out: (9,) filled with the state `duration` later.
+        work: (8, 3) scratch.
+    """
     out[:] = state
     even = duration / max(1, math.ceil(abs(duration) / max_step - 1e-9))
     left = duration
     while left != 0.0:
-        h = even * ease(out, c)
+        h = even * ease(out, air)
         if abs(h) > abs(left) - 1e-12:
             h = left
-        step(out, h, c, out, work)
+        step(out, h, air, out, work)
         left -= h
 
 
 @njit(cache=True, error_model="numpy")
-def fly(state: Array, duration: float, c: Array, max_step: float = MAX_STEP) -> Array:
-    """(9,) the state of `fly_into`."""
+def fly(state: Array, duration: float, air: Array, max_step: float = MAX_STEP) -> Array:
+    """Return the state after free flight.
+
+    Args:
+        state: (9,) position, velocity, spin at the start.
+        duration: s, may be negative.
+        air: (8,) `Aerodynamics.coefficients`.
+        max_step: s, longest step.
+
+    Returns:
+        (9,) the state `duration` later.
+    """
     out = np.empty(9)
-    fly_into(state, duration, c, max_step, out, np.empty((8, 3)))
+    fly_into(state, duration, air_coefficients(air), max_step, out, np.empty((8, 3)))
     return out
 
 
 @njit(cache=True, error_model="numpy")
-def crossing(state: Array, low: float, high: float, axis: int, level: float, c: Array, trial: Array, work: Array) -> float:
-    """The time in [low, high] s after `state` at which state[axis] crosses `level`, within one step; trial (9,) is the state then.
+def crossing(state: Array, low: float, high: float, axis: int, level: float, air: AirCoefficients, trial: Array, work: Array) -> float:
+    """Find the time within one step at which an element of the state crosses a level.
 
-    axis: 0 to 2 of position or 5, the velocity up. Newton's method, kept between the ends, on states integrated to the trial time: as exact
-    as the flight. The signs at low and high must differ.
+    Newton's method, kept between the ends, works on states that are integrated to the trial time, so the result is as exact as the flight.
+
+    Args:
+        state: (9,) at the start of the step.
+        low: s after `state`, before the crossing.
+        high: s after `state`, after the crossing. The signs of state[axis] - level must differ at `low` and `high`.
+        axis: X, Y, Z or VZ.
+        level: m, or m/s for VZ.
+        air: Coefficients.
+        trial: (9,) filled with the state at the crossing.
+        work: (8, 3) scratch.
+
+    Returns:
+        The time of the crossing, s after `state`.
     """
     if low == 0.0:
         trial[:] = state
     else:
-        step(state, low, c, trial, work)
+        step(state, low, air, trial, work)
     t = low
     falls = trial[axis] > level
     for _ in range(60):
@@ -210,14 +306,14 @@ def crossing(state: Array, low: float, high: float, axis: int, level: float, c: 
             low = t
         else:
             high = t
-        if axis < 3:
-            slope = trial[3 + axis]
+        if axis <= Z:
+            slope = trial[VX + axis]
         else:
-            accelerate(trial[3:6], trial[6:9], c, work[0])
-            slope = work[0, axis - 3]
+            accelerate(trial[VELOCITY], trial[SPIN], air, work[0])
+            slope = work[0, axis - VX]
         new = t - f / slope if slope != 0.0 else high
         if f == 0.0 or abs(new - t) < 1e-15:
             break
         t = new if low <= new <= high else 0.5 * (low + high)
-        step(state, t, c, trial, work)
+        step(state, t, air, trial, work)
     return t

@@ -32,10 +32,12 @@ class Encoding(NamedTuple):
 
 
 def _opencv(code: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the conversion of OpenCV with that code."""
     return lambda values: cv2.cvtColor(np.ascontiguousarray(values), code)
 
 
 def _encodings() -> dict[str, Encoding]:
+    """Return all encodings that are read, by their names in ROS."""
     found: dict[str, Encoding] = {}
     codes = {"rgb": cv2.COLOR_RGB2GRAY, "rgba": cv2.COLOR_RGBA2GRAY, "bgr": cv2.COLOR_BGR2GRAY, "bgra": cv2.COLOR_BGRA2GRAY}
     for bits, dtype in ((8, np.uint8), (16, np.uint16)):

@@ -35,6 +35,7 @@ def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> 
     k1, k2, k3, k4 = check_array("fisheye", fisheye, (4,))
 
     def image(angle: Array) -> Array:
+        """Return the radii at which the fisheye lens images rays, over the focal length."""
         square = angle**2
         return angle * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
 

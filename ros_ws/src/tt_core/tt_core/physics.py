@@ -1,18 +1,49 @@
-"""One set of models: what the robot believes, or what is true in the simulator."""
+"""One set of models of air, table and racket: what the robot believes, or what is true in the simulator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
-from .bounce import RacketRebound, TableRebound
+import numpy as np
+from numba import njit
+
+from .arrays import Array
+from .bounce import RacketCoefficients, RacketRebound, TableCoefficients, TableRebound, racket_coefficients, table_coefficients
 from .constants import BALL_RADIUS
 from .errors import check_range
-from .flight import Aerodynamics
+from .flight import Aerodynamics, AirCoefficients, air_coefficients
+
+
+class PhysicsCoefficients(NamedTuple):
+    """What the kernels need of `Physics`."""
+
+    air: AirCoefficients
+    table: TableCoefficients
+    racket: RacketCoefficients
+    contact_height: float  # m
+
+
+@njit(cache=True)
+def physics_coefficients(row: Array) -> PhysicsCoefficients:
+    """Name the numbers of `Physics.coefficients` (19,): 8 of the air, 3 of the table, 7 of the racket, the contact height."""
+    return PhysicsCoefficients(air_coefficients(row[:8]), table_coefficients(row[8:11]), racket_coefficients(row[11:18]), row[18])
 
 
 @dataclass(frozen=True)
 class Physics:
-    """air, table, racket: the models. contact_height: m, from a surface to the ball's centre in contact; the dissertation uses 0."""
+    """Models of everything that acts on the ball.
+
+    Attributes:
+        air: Gravity, drag and Magnus force.
+        table: Rebound from the table.
+        racket: Rebound from the racket.
+        contact_height: m, from a surface to the centre of a ball that touches it, 0 to 0.1; the dissertation uses 0.
+
+    Raises:
+        OutOfRange: `contact_height` is outside its range.
+    """
 
     air: Aerodynamics = field(default_factory=Aerodynamics.liu)
     table: TableRebound = field(default_factory=TableRebound.liu)
@@ -24,10 +55,15 @@ class Physics:
 
     @classmethod
     def liu(cls, contact_height: float = BALL_RADIUS) -> Physics:
-        """All three models of the dissertation."""
+        """Return the three models of the dissertation."""
         return cls(Aerodynamics.liu(), TableRebound.liu(), RacketRebound.liu(), contact_height)
 
     @classmethod
     def measured(cls, contact_height: float = BALL_RADIUS) -> Physics:
-        """All three models as measured on real balls."""
+        """Return the three models that were fitted to real balls and rubbers."""
         return cls(Aerodynamics.measured(), TableRebound.measured(), RacketRebound.measured(), contact_height)
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """`PhysicsCoefficients` as an array (19,), which a kernel takes from Python."""
+        return np.concatenate([self.air.coefficients, self.table.coefficients, self.racket.coefficients, [self.contact_height]])

@@ -1,23 +1,23 @@
-"""What flows through the robot. SI units, frame `table`; arrays are float64, copied in, read-only."""
+"""States of ball and racket, paths and goals. SI units, frame `table`; arrays are float64, copied in, read-only."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
-from numba import njit
 
+from .arrays import POSITION, SPIN, TIME, VELOCITY, Array
 from .errors import BadShape, TtError, check_array, check_range
-
-Array = npt.NDArray[np.float64]
-
+from .interpolate import interpolate_states
+from .path_end import PathEnd
 
 _set = object.__setattr__  # of frozen dataclasses
+_ROW_POSITION, _ROW_VELOCITY, _ROW_SPIN = slice(1, 4), slice(4, 7), slice(7, 10)  # columns of a path (n, 10)
 
 
 def _freeze(state: object, **shapes: tuple[int, ...]) -> None:
+    """Replace each array by a checked, read-only copy."""
     for name, shape in shapes.items():
         _set(state, name, check_array(name, getattr(state, name), shape))
 
@@ -26,8 +26,16 @@ def _freeze(state: object, **shapes: tuple[int, ...]) -> None:
 class BallState:
     """The ball at one instant.
 
-    time: s. position: (3,) m, its centre. velocity: (3,) m/s. spin: (3,) rad/s, topspin of a ball flying to -x is w_y < 0.
-    covariance: (9, 9) of position, velocity, spin in that order, or None when not known.
+    Attributes:
+        time: s.
+        position: (3,) m, its centre.
+        velocity: (3,) m/s.
+        spin: (3,) rad/s. Topspin of a ball that flies to -x is w_y < 0.
+        covariance: (9, 9) of position, velocity, spin in that order, or None if unknown.
+
+    Raises:
+        BadShape: An array has another shape.
+        NotFinite: A number is NaN or infinite.
     """
 
     time: float
@@ -44,17 +52,17 @@ class BallState:
 
     @property
     def vector(self) -> Array:
-        """(9,) position, velocity, spin."""
+        """Position, velocity and spin as one array (9,)."""
         return np.concatenate([self.position, self.velocity, self.spin])
 
     @classmethod
     def from_vector(cls, time: float, vector: Array, covariance: Array | None = None) -> BallState:
-        """vector: (9,) position, velocity, spin."""
-        return cls(time, vector[:3], vector[3:6], vector[6:9], covariance)
+        """Return the state of a vector (9,) of position, velocity, spin."""
+        return cls(time, vector[POSITION], vector[VELOCITY], vector[SPIN], covariance)
 
     @classmethod
     def trusted(cls, time: float, position: Array, velocity: Array, spin: Array) -> BallState:
-        """From read-only (3,) arrays that have been checked, or that a kernel here has just made: neither copied nor checked."""
+        """Return the state of read-only arrays (3,) that are known to be valid, without copying or checking them."""
         ball = cls.__new__(cls)
         _set(ball, "time", time)
         _set(ball, "position", position)
@@ -66,27 +74,43 @@ class BallState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bounce:
-    """A contact with the table: where, when, and the ball just before and just after it."""
+    """A contact with the table.
+
+    Attributes:
+        before: The ball just before the contact.
+        after: The ball just after it, at the same time and place.
+    """
 
     before: BallState
     after: BallState
 
     @property
     def time(self) -> float:
+        """Time of the contact, s."""
         return self.after.time
 
     @property
     def position(self) -> Array:
-        """(3,) m, centre of the ball."""
+        """Centre of the ball at the contact, (3,) m."""
         return self.after.position
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BallPath:
-    """The ball over time, dense enough for cubic interpolation (< 1e-7 m between points 20 ms apart).
+    """The ball over time, dense enough for cubic interpolation: less than 1e-7 m off between points 20 ms apart.
 
-    times: (n,) s, not decreasing; a bounce is two points of one time, before and after.
-    positions, velocities, spins: (n, 3). bounces: those on the way. ended: why the path stops where it does.
+    Attributes:
+        times: (n,) s, not decreasing. A bounce is two points of one time, before and after.
+        positions: (n, 3) m.
+        velocities: (n, 3) m/s.
+        spins: (n, 3) rad/s.
+        bounces: The contacts with the table on the way.
+        ended: Why the path stops where it does.
+
+    Raises:
+        BadShape: The arrays have other shapes or different lengths.
+        NotFinite: A number is NaN or infinite.
+        TtError: There is no point, or the times decrease.
     """
 
     times: Array
@@ -94,7 +118,7 @@ class BallPath:
     velocities: Array
     spins: Array
     bounces: tuple[Bounce, ...] = ()
-    ended: str = "stop"
+    ended: PathEnd = PathEnd.STOP
 
     def __post_init__(self) -> None:
         _freeze(self, times=(-1,), positions=(-1, 3), velocities=(-1, 3), spins=(-1, 3))
@@ -105,77 +129,109 @@ class BallPath:
             raise TtError("times of a path must not be empty and must not decrease")
 
     @classmethod
-    def trusted(cls, rows: Array, bounces: tuple[Bounce, ...], ended: str) -> BallPath:
-        """From rows (n, 10) of time, position, velocity, spin that a kernel here has just made: neither copied nor checked."""
+    def trusted(cls, rows: Array, bounces: tuple[Bounce, ...], ended: PathEnd) -> BallPath:
+        """Return the path of read-only rows (n, 10) of time and state that are known to be valid, without copying or checking them."""
         path = cls.__new__(cls)
-        _set(path, "times", rows[:, 0])
-        _set(path, "positions", rows[:, 1:4])
-        _set(path, "velocities", rows[:, 4:7])
-        _set(path, "spins", rows[:, 7:10])
+        _set(path, "times", rows[:, TIME])
+        _set(path, "positions", rows[:, _ROW_POSITION])
+        _set(path, "velocities", rows[:, _ROW_VELOCITY])
+        _set(path, "spins", rows[:, _ROW_SPIN])
         _set(path, "bounces", bounces)
         _set(path, "ended", ended)
         return path
 
     @property
     def end(self) -> BallState:
+        """The ball at the last point."""
         return BallState.trusted(float(self.times[-1]), self.positions[-1], self.velocities[-1], self.spins[-1])
 
     def at(self, time: float) -> BallState:
-        """The ball at `time`, after the bounce when a bounce is at `time`; raises OutOfRange outside the path."""
+        """Return the ball at `time` (s), after the bounce if a bounce is at that time.
+
+        Raises:
+            OutOfRange: `time` is not on the path.
+        """
         row = self.rows(np.array([check_range("time", time, self.times[0], self.times[-1])]))[0]
-        return BallState.trusted(float(time), row[:3], row[3:6], row[6:])
+        return BallState.trusted(float(time), row[POSITION], row[VELOCITY], row[SPIN])
 
     def rows(self, times: Array) -> Array:
-        """(n, 9) position, velocity, spin at times (n,) s on the path, after the bounce when a bounce is at one of them; read-only."""
-        out = _between(np.array(self.times), np.array(self.positions), np.array(self.velocities), np.array(self.spins), np.array(times))
+        """Return the ball at many times.
+
+        Args:
+            times: (n,) s, all on the path.
+
+        Returns:
+            (n, 9) position, velocity, spin, read-only, after the bounce where a time is that of a bounce.
+        """
+        states = np.concatenate([self.positions, self.velocities, self.spins], axis=1)
+        out: Array = interpolate_states(np.array(self.times), states, np.array(times))
         out.flags.writeable = False
         return out
-
-
-@njit(cache=True)
-def _between(times: Array, positions: Array, velocities: Array, spins: Array, at: Array) -> Array:
-    """(m, 9) at times `at` (m,) of n points; cubic in position, its derivative in velocity, linear in spin."""
-    out, last = np.empty((len(at), 9)), len(times) - 1
-    for k in range(len(at)):
-        i = min(np.searchsorted(times, at[k], side="right"), last)
-        b = max(i - 1, 0)
-        h = times[i] - times[b]
-        h, s = (h, (at[k] - times[b]) / h) if h > 0.0 else (1.0, 1.0)
-        u = 1.0 - s
-        for j in range(3):
-            way, v0, v1 = positions[i, j] - positions[b, j], velocities[b, j], velocities[i, j]
-            out[k, j] = positions[b, j] + s * s * (3.0 - 2.0 * s) * way + h * s * u * (u * v0 - s * v1)
-            out[k, 3 + j] = 6.0 * s * u / h * way + u * (1.0 - 3.0 * s) * v0 + s * (3.0 * s - 2.0) * v1
-            out[k, 6 + j] = u * spins[b, j] + s * spins[i, j]
-    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReturnGoal:
     """What the returned ball is asked to do.
 
-    landing: (2,) m, x and y of the centre at the first contact with the table. flight_time: s, from racket to landing.
-    spin_y, spin_z: rad/s after the hit; spin_x follows from them (dissertation (4.16)).
+    Attributes:
+        landing: (2,) m, x and y of the ball's centre at its first contact with the table.
+        flight_time: s, from racket to landing, 0.01 to 5.
+        spin_y: rad/s after the hit, -2000 to 2000.
+        spin_z: rad/s after the hit, -2000 to 2000. Spin x follows from the other two (dissertation (4.16)).
+        vector: (5,) all of these in this order, as kernels take them; made from the others.
+
+    Raises:
+        BadShape: `landing` has another shape.
+        NotFinite: A number is NaN or infinite.
+        OutOfRange: A number is outside its range.
     """
 
     landing: Array
     flight_time: float
     spin_y: float
     spin_z: float
+    vector: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _freeze(self, landing=(2,))
-        _set(self, "flight_time", check_range("flight_time", self.flight_time, 0.01, 5.0))
-        for name in ("spin_y", "spin_z"):
-            _set(self, name, check_range(name, getattr(self, name), -2000.0, 2000.0))
+        landing = check_array("landing", self.landing, (2,))
+        self._fill(np.array([*landing.tolist(), self.flight_time, self.spin_y, self.spin_z], dtype=np.float64))
+
+    def _fill(self, vector: Array) -> None:
+        """Check the numbers of an array (5,) that nobody else writes to, and take them."""
+        x, y, flight_time, spin_y, spin_z = vector.tolist()
+        check_range("landing x", x, -math.inf, math.inf)
+        check_range("landing y", y, -math.inf, math.inf)
+        vector.flags.writeable = False
+        _set(self, "landing", vector[:2])
+        _set(self, "flight_time", check_range("flight_time", flight_time, 0.01, 5.0))
+        _set(self, "spin_y", check_range("spin_y", spin_y, -2000.0, 2000.0))
+        _set(self, "spin_z", check_range("spin_z", spin_z, -2000.0, 2000.0))
+        _set(self, "vector", vector)
+
+    @classmethod
+    def from_vector(cls, vector: Array) -> ReturnGoal:
+        """Return the goal of a vector (5,) of landing x, landing y, flight time, spin y, spin z; raises as the class does."""
+        goal = cls.__new__(cls)
+        goal._fill(np.array(vector, dtype=np.float64))
+        return goal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RacketState:
     """The racket at the strike.
 
-    time: s. position: (3,) m, centre of the face. velocity: (3,) m/s. alpha, beta: rad, the face normal points to the ball;
-    rotation_racket_to_table = Ry(beta) Rx(alpha) (dissertation Section 3.4, the direction corrected).
+    The orientation is rotation_racket_to_table = Ry(beta) Rx(alpha) (dissertation Section 3.4, the direction corrected).
+
+    Attributes:
+        time: s.
+        position: (3,) m, centre of the face.
+        velocity: (3,) m/s.
+        alpha: rad, rotation about x. The face normal points to the ball.
+        beta: rad, rotation about y.
+
+    Raises:
+        BadShape: An array has another shape.
+        NotFinite: A number is NaN or infinite.
     """
 
     time: float
@@ -191,7 +247,7 @@ class RacketState:
 
     @classmethod
     def trusted(cls, time: float, position: Array, velocity: Array, alpha: float, beta: float) -> RacketState:
-        """From read-only (3,) arrays that a kernel here has just made: neither copied nor checked."""
+        """Return the state of read-only arrays (3,) that are known to be valid, without copying or checking them."""
         racket = cls.__new__(cls)
         _set(racket, "time", time)
         _set(racket, "position", position)
@@ -202,18 +258,18 @@ class RacketState:
 
     @classmethod
     def facing(cls, time: float, position: Array, velocity: Array, normal: Array) -> RacketState:
-        """From the unit face normal (3,): alpha = -asin(n_y), beta = atan2(n_x, n_z)."""
+        """Return the racket with the unit face normal (3,): alpha = -asin(n_y), beta = atan2(n_x, n_z)."""
         alpha = -math.asin(min(1.0, max(-1.0, float(normal[1]))))
         return cls(time, position, velocity, alpha, math.atan2(float(normal[0]), float(normal[2])))
 
     @property
     def normal(self) -> Array:
-        """(3,) unit, z axis of the racket in `table`."""
+        """Unit face normal (3,) in `table`, the z axis of the racket."""
         c = math.cos(self.alpha)
         return np.array([c * math.sin(self.beta), -math.sin(self.alpha), c * math.cos(self.beta)])
 
     @property
     def rotation(self) -> Array:
-        """(3, 3) racket to table, as printed in Section 3.4."""
+        """Rotation (3, 3) from racket to table, as printed in Section 3.4."""
         sa, ca, sb, cb = math.sin(self.alpha), math.cos(self.alpha), math.sin(self.beta), math.cos(self.beta)
         return np.array([[cb, sb * sa, sb * ca], [0.0, ca, -sa], [-sb, cb * sa, cb * ca]])

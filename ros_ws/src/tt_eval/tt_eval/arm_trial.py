@@ -9,6 +9,7 @@ from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import clearance
+from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, RacketState
 from tt_predict.rollout import StopRule, rollout
@@ -19,7 +20,6 @@ from tt_sim.world.plant import Plant, PlantParams
 
 TICK = 0.002  # s
 STROKES_AT = 0.08  # s after the launch, when the strokes are at the arm: six frames and the latency of the chain
-UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, given to the stroke and the way back
 
 
@@ -51,7 +51,7 @@ def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
     """The candidates for a ball launched at 0 s at random; none when it does not come within reach. Raises TtError as `launch` does."""
     physics = Physics.liu()
     ball, _ = launch(kind, scale, LauncherParams(), np.random.default_rng(seed))
-    path = rollout(ball, physics, StopRule.at_x(UNTIL_X))
+    path = rollout(ball, physics, StopRule.at_x(path_end(InterceptParams.x_low)))
     found = intercept(path, default_goal(ball.spin, GoalParams()), physics, InterceptParams())
     return [stroke.racket for stroke in found.strokes if stroke.racket is not None]
 

@@ -20,11 +20,14 @@ from tt_arm.stroke_selection import Choice, SelectionParams
 from tt_arm.swing import Swing
 from tt_arm.swing import plan as plan_swing
 from tt_core.constants import TABLE_WIDTH
+from tt_core.failures import Failure
 from tt_core.flight import fly
+from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
+from tt_racket.failures import StrokeFailure
 from tt_racket.goal import default_goal
 from tt_racket.intercept import Candidates, hit_points, intercept
 from tt_racket.stroke import Stroke, solve
@@ -39,8 +42,8 @@ from tt_sim.world.outcome import Outcome, Result
 from tt_sim.world.plant import Plant
 from tt_sim.world.true_ball import Surface
 from tt_vision.camera import Camera
-from tt_vision.capture.burst import Assembler
-from tt_vision.measure import Measurement, measure
+from tt_vision.capture.assembler import Assembler
+from tt_vision.measure import Measurement, measure_burst
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
@@ -50,7 +53,6 @@ from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
 from .video_scoring import score_from_video
 
-UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, simulated, after which a ball is given up
 TEXTURES = 20  # balls that are marked differently
 
@@ -97,8 +99,7 @@ class Trial:
         for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
             burst = assembler.add(side, stamp, image)
             if burst is not None:
-                air = self.scenario.robot.physics.air
-                measurement = measure(burst.left, burst.right, burst.times, self.cameras, air=air, spots=burst.spots)
+                measurement = measure_burst(burst.seen_by(self.cameras), air=self.scenario.robot.physics.air)
                 return measurement, measurement.ball
         return None, None
 
@@ -161,8 +162,8 @@ class Episode:
         if self.measured is None:
             return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
         if self.candidates is None or not self.candidates.strokes:
-            refused = {reason for _, reason in self.candidates.refused} if self.candidates else set()
-            return f"no stroke: {'; '.join(sorted(refused)) or 'the ball does not come within reach'}"
+            refused = {str(failure) for _, failure in self.candidates.refused} if self.candidates else set()
+            return f"no stroke: {'; '.join(sorted(refused)) or StrokeFailure.NO_HIT_POINT.value}"
         if self.choice is None or self.choice.index is None:
             return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
         return outcome.result
@@ -173,9 +174,11 @@ class Episode:
             return None
         if self.measured is None:
             return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
-        if reason.startswith("no stroke"):
-            slow = Counter("racket speed" in why for _, why in self.candidates.refused) if self.candidates else Counter()
-            return Miss.RACKET_TOO_SLOW if slow[True] > slow[False] else Miss.OUT_OF_REACH
+        if self.candidates is None or not self.candidates.strokes:
+            slow = (
+                Counter(failure.code is StrokeFailure.RACKET_TOO_FAST for _, failure in self.candidates.refused) if self.candidates else {}
+            )
+            return Miss.RACKET_TOO_SLOW if slow.get(True, 0) > slow.get(False, 0) else Miss.OUT_OF_REACH
         if reason.startswith("arm"):
             reasons = self.choice.reasons if self.choice else ()
             if not reasons or any("too soon" in why or "only" in why for why in reasons):
@@ -225,16 +228,17 @@ def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
     """The strokes of that robot: `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
     if robot.stroke == "exact":
         return intercept(path, goal, robot.physics, robot.intercept)
-    found, refused = list[Stroke](), []
+    found, refused = list[Stroke](), list[tuple[BallState, Failure]]()
     for ball in hit_points(path, robot.intercept):
         if robot.stroke == "sam":
             stroke = solve(ball, goal, robot.physics, method="sam", racket_speed=robot.intercept.racket_speed)
         else:
             stroke = specular(ball, goal, robot.physics)
-        if stroke.racket is None:
-            refused.append((ball, stroke.reason or ""))
-        elif np.linalg.norm(stroke.racket.velocity) > robot.intercept.racket_speed:
-            refused.append((ball, f"racket speed is over {robot.intercept.racket_speed:g} m/s"))
+        bound = robot.intercept.racket_speed
+        if stroke.reason is not None:
+            refused.append((ball, stroke.reason))
+        elif stroke.racket is not None and (speed := float(np.linalg.norm(stroke.racket.velocity))) > bound:
+            refused.append((ball, Failure(StrokeFailure.RACKET_TOO_FAST, speed=speed, bound=bound)))
         else:
             found.append(stroke)
     found.sort(key=lambda stroke: float(np.linalg.norm(stroke.racket.velocity)) if stroke.racket else 0.0)
@@ -259,7 +263,7 @@ class Plan:
         if measured is None:
             return cls(measurement)
         believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
-        path = rollout(believed, robot.physics, StopRule.at_x(UNTIL_X))
+        path = rollout(believed, robot.physics, StopRule.at_x(path_end(robot.intercept.x_low)))
         goal = scenario.goal or default_goal(measured.spin, robot.default_goal)
         due = measured.time - cameras.clock_offset + cameras.latency + robot.latency
         return cls(measurement, measured, goal, path, answered(path, goal, robot), due)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from tt_core.constants import TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
+from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
@@ -42,7 +43,7 @@ _KEYS = [f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"]
 def within_reach(ball: BallState, physics: Physics) -> bool:
     """Whether an arm on a base could be asked to return it: it bounces once, on the robot's half, and comes through the window in which
     strokes are looked for, not sooner than SOONEST."""
-    path = rollout(ball, physics, StopRule.at_x(-0.5))
+    path = rollout(ball, physics, StopRule.at_x(path_end(InterceptParams.x_low)))
     points = hit_points(path, InterceptParams())
     return bool(points) and path.bounces[0].position[0] < TABLE_LENGTH / 2 and points[-1].time >= SOONEST
 

@@ -24,9 +24,11 @@ from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_sim.render import SHARPNESS, Lamps, Texture
 from tt_sim.world.outcome import places
-from tt_vision.camera import Camera, project_from_table
-from tt_vision.capture.burst import BurstParams
-from tt_vision.detection.ball_detection import DEPTH, SATURATED
+from tt_vision.camera import Camera
+from tt_vision.capture.assembler import BurstParams
+from tt_vision.detection.ball_detection import SATURATED
+from tt_vision.detection.outline import DEPTH
+from tt_vision.projection import project_from_table, unpack_camera
 from tt_vision.rig import FRAME_RATE
 
 FASTEST = 16.0  # m/s, the catapult's fastest with its scatter
@@ -108,9 +110,10 @@ def _load(name: str) -> SensorErrorModel:
 @njit(cache=True, error_model="numpy")
 def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray[np.bool_]:
     """(n,) whether an image of `width` by `height` shows all of a ball at points (n, 3) m. camera: Camera.vector."""
-    whole, radius = np.empty(len(points), dtype=np.bool_), camera[12] * BALL_RADIUS
+    model, whole = unpack_camera(camera), np.empty(len(points), dtype=np.bool_)
+    radius = model.optics.focal * BALL_RADIUS
     for i in range(len(points)):
-        u, v, depth = project_from_table(camera, points[i, 0], points[i, 1], points[i, 2])
+        u, v, depth = project_from_table(model, points[i, 0], points[i, 1], points[i, 2])
         room = radius / depth + MARGIN
         whole[i] = room < u < width - 1 - room and room < v < height - 1 - room
     return whole
@@ -202,9 +205,9 @@ def saturated_share(point: Array, eye: Array, light: Illumination) -> float:
         greys[i] = grey
     threshold = light.background + DEPTH * (min(1.0, greys.max()) - light.background)
     bright, full = 0, 0
-    for grey in greys:
-        bright += grey > threshold
-        full += grey >= FULL
+    for i in range(len(greys)):
+        bright += greys[i] > threshold
+        full += greys[i] >= FULL
     return UNMARKED * full / bright
 
 

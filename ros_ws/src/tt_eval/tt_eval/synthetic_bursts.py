@@ -15,7 +15,8 @@ from tt_core.states import Array, BallState
 from tt_sim.domain_randomization import DomainRandomization
 from tt_sim.render import Lamps, Noise, Texture, render
 from tt_vision.camera import Camera
-from tt_vision.detection.illumination import Lamps as KnownLamps
+from tt_vision.capture.burst import Burst
+from tt_vision.detection.illumination import CalibratedLamps
 from tt_vision.rig import EXPOSURE, FRAME_RATE, VIEW_CENTRE, high_speed_pair
 
 VARIED = DomainRandomization(drag=0.04, lift=0.10)  # from ball to ball, as in the world `real`
@@ -44,16 +45,33 @@ class Conditions:
 
 
 @dataclass(frozen=True, eq=False)
-class Burst:
-    """images: (2, k, h, w). times: (k,) s. ball: the truth at the last frame. cameras: as the estimator believes them to stand."""
+class SyntheticBurst:
+    """A rendered burst with the truth.
+
+    Attributes:
+        images: (2, k, h, w) uint8 or uint16.
+        times: (k,) s.
+        ball: The truth at the last frame.
+        cameras: As the estimator believes them to stand.
+    """
 
     images: Any
     times: Array
     ball: BallState
     cameras: tuple[Camera, ...]
 
+    @property
+    def burst(self) -> Burst:
+        """What the estimator gets."""
+        return Burst(tuple(self.images), self.times, self.cameras)
 
-def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> Iterator[Burst]:
+    @property
+    def left_burst(self) -> Burst:
+        """What the estimator gets of the left camera alone."""
+        return Burst((self.images[0],), self.times, self.cameras[:1])
+
+
+def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> Iterator[SyntheticBurst]:
     """Balls of 3 to 8 m/s near the middle of the view, spinning about any axis; they fly as measured balls do, no two alike."""
     c = conditions or Conditions()
     rng = np.random.default_rng(seed)
@@ -72,7 +90,7 @@ def _drawn(seed: int, blobs: int, coverage: float) -> Texture:
     return Texture.drawn(seed, blobs=blobs, coverage=coverage)
 
 
-def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: Conditions, rng: np.random.Generator) -> Burst:
+def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: Conditions, rng: np.random.Generator) -> SyntheticBurst:
     """The ball passes `middle` (3,) m half way through the burst with velocity (3,) m/s and spin (3,) rad/s, turned at random."""
     c = conditions
     first = Rotation.random(random_state=int(rng.integers(1 << 31)))
@@ -85,7 +103,7 @@ def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditio
         turned = (Rotation.from_rotvec(tau * spin) * first).as_matrix()
         images.append([render(camera, ball, turned, texture, c.lamps, c.exposure, c.noise, rng) for camera in cameras])
     believed = tuple(_moved(camera, c, rng) for camera in cameras)
-    return Burst(np.swapaxes(np.array(images), 0, 1), times, ball, believed)
+    return SyntheticBurst(np.swapaxes(np.array(images), 0, 1), times, ball, believed)
 
 
 def _moved(camera: Camera, c: Conditions, rng: np.random.Generator) -> Camera:
@@ -95,7 +113,7 @@ def _moved(camera: Camera, c: Conditions, rng: np.random.Generator) -> Camera:
     return replace(camera, rotation=turn @ camera.rotation, translation=camera.translation + rng.normal(0.0, c.pose_shift, 3))
 
 
-def known(lamps: Lamps) -> KnownLamps:
-    """The lamps as a calibration would give them: places and strengths, no flicker, no gloss."""
+def calibrated_lamps(lamps: Lamps) -> CalibratedLamps:
+    """Return the lamps as a calibration would give them: places and strengths, no flicker, no gloss."""
     each = lamps.lamps
-    return KnownLamps(np.array([lamp.position for lamp in each]), np.array([lamp.strength for lamp in each]), lamps.ambient)
+    return CalibratedLamps(np.array([lamp.position for lamp in each]), np.array([lamp.strength for lamp in each]), lamps.ambient)

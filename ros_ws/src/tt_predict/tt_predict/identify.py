@@ -1,10 +1,12 @@
 """Coefficients of air and table from recorded flights, (3.29): ros2 run tt_predict identify BAG_OR_FOLDER.
 
-The sum over flights of the mean squared distance between recorded and predicted positions is the least (3.29). The source takes the start
-of each flight from its high speed cameras. Here position and velocity at the start are fitted to the flight's own points for every trial of
-the coefficients (variable projection). Only the points before the bounce take part, unless a coefficient of the table is asked for. Spin is
-the measured one, or, where none was measured, one topspin for each group of equal launches, fitted with the coefficients; such flights tell
-C_M times spin, not C_M, and its interval says so. Intervals count flights, not points: errors within a flight go together.
+The cost is the sum over flights of the mean squared distance between recorded and predicted positions (3.29). The dissertation takes the
+start of each flight from its high-speed cameras. Here position and velocity at the start are fitted to the points of the flight, for every
+trial of the coefficients (variable projection). Only points before the bounce are used, unless a coefficient of the table is asked for.
+
+The spin is the measured one. Where none was measured, one topspin for each group of equal launches is fitted with the coefficients. Such
+flights determine only the product of C_M and spin, and the interval of C_M shows it. Intervals count flights, not points, because the
+errors within a flight are correlated.
 """
 
 from __future__ import annotations
@@ -18,12 +20,13 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
+from tt_core.arrays import POSITION, STATE, TIME, VELOCITY, Array
 from tt_core.bounce import TableRebound
-from tt_core.errors import TtError
-from tt_core.events import MOST_BOUNCES, Rows, walk
+from tt_core.errors import BadChoice, TtError
+from tt_core.events import MOST_BOUNCES, Rows, StopCondition, StopKind, walk
 from tt_core.flight import Aerodynamics
-from tt_core.physics import Physics
-from tt_core.states import Array
+from tt_core.interpolate import hermite
+from tt_core.physics import Physics, physics_coefficients
 
 from .landings import up_to_landing
 from .recordings import Flight, load
@@ -31,45 +34,78 @@ from .recordings import Flight, load
 SPIN_UNIT = 100.0  # rad/s, scales the fit
 MOST_SPIN = 1000.0  # rad/s
 SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins that the fit may start from; at 0 (3.3) jumps
-START_CORRECTIONS = 3
+START_CORRECTIONS = 3  # of the start of a flight, the first time
+MORE_CORRECTIONS = 2  # from the start that was found with the last coefficients
+LEAST_SCALE = 0.05  # of a coefficient in the fit
 _RANGES = {
     f"{prefix}.{f.name}": (f.metadata["low"], f.metadata["high"])
     for prefix, model in (("air", Aerodynamics), ("table", TableRebound))
     for f in fields(model)
 }
+_AT_TIME = int(StopKind.TIME)
 _TINY = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4])  # m, m/s: differences for the Jacobian by the start
 
 
+class NoFlights(TtError):
+    """Nothing to identify from."""
+
+    def __init__(self) -> None:
+        super().__init__("no flight to identify from")
+
+
 @njit(cache=True)
-def sample(state: Array, times: Array, air: Array, table: Array, contact: float, rows: Array, at: Rows, out: Array) -> None:
-    """Positions (n, 3) at times (n,) s, the first that of state (9,), through bounces; where the path has ended, its end."""
-    n, _, _ = walk(times[0], state, times[-1] - times[0] + 1e-9, 0, 0.0, air, table, contact, rows, at)
+def _positions_entry(state: Array, times: Array, physics: Array, rows: Array, bounce_rows: Rows, out: Array) -> None:
+    """Fill positions of the ball at given times, through bounces; after the end of the path, the end.
+
+    Args:
+        state: (9,) the ball at the first of `times`.
+        times: (n,) s, rising.
+        physics: (19,) `Physics.coefficients`.
+        rows: (m, 10) scratch for the path.
+        bounce_rows: (MOST_BOUNCES,) scratch.
+        out: (n, 3) m, filled.
+    """
+    stop = StopCondition(_AT_TIME, 0.0, times[-1] - times[0] + 1e-9)
+    n, _, _ = walk(times[0], state, stop, physics_coefficients(physics), rows, bounce_rows)
     i = 1
     for m in range(len(times)):
-        while i < n - 1 and rows[i, 0] < times[m]:
+        while i < n - 1 and rows[i, TIME] < times[m]:
             i += 1
-        h = rows[i, 0] - rows[i - 1, 0]
-        s = min(1.0, (times[m] - rows[i - 1, 0]) / h) if h > 0.0 else 1.0
+        start, end = rows[i - 1, STATE], rows[i, STATE]
+        h = rows[i, TIME] - rows[i - 1, TIME]
+        share = min(1.0, (times[m] - rows[i - 1, TIME]) / h) if h > 0.0 else 1.0
+        p0, v0, p1, v1 = start[POSITION], start[VELOCITY], end[POSITION], end[VELOCITY]
         for k in range(3):
-            p0, p1, m0, m1 = rows[i - 1, 1 + k], rows[i, 1 + k], h * rows[i - 1, 4 + k], h * rows[i, 4 + k]
-            out[m, k] = (((2.0 * (p0 - p1) + m0 + m1) * s + 3.0 * (p1 - p0) - 2.0 * m0 - m1) * s + m0) * s + p0
+            out[m, k] = hermite(p0[k], v0[k], p1[k], v1[k], h, share)
 
 
 class Predictor:
-    """Positions of a ball at given times by one set of coefficients."""
+    """Predicts positions of a ball at given times with one set of coefficients."""
 
     def __init__(self, physics: Physics) -> None:
-        self._model = physics.air.coefficients, physics.table.coefficients, physics.contact_height
-        self._rows, self._at = np.empty((4096, 10)), np.empty(MOST_BOUNCES, np.int64)
+        """Keep the models and memory for one path."""
+        self._physics = physics.coefficients
+        self._rows, self._bounce_rows = np.empty((4096, 10)), np.empty(MOST_BOUNCES, np.int64)
 
     def positions(self, state: Array, times: Array) -> Array:
-        """(n, 3) m for state (9,) at times[0]."""
+        """Return positions (n, 3) m at `times` (n,) s of a ball whose state (9,) at the first of them is given."""
         out = np.empty((len(times), 3))
-        sample(state, times, *self._model, self._rows, self._at, out)
+        _positions_entry(state, times, self._physics, self._rows, self._bounce_rows, out)
         return out
 
     def start(self, flight: Flight, spin: Array, points: int, guess: Array | None = None, corrections: int = START_CORRECTIONS) -> Array:
-        """(9,) the state at the flight's first time that fits its first `points` points best, by Gauss and Newton."""
+        """Fit the start of a flight to its first points, by Gauss and Newton.
+
+        Args:
+            flight: As recorded.
+            spin: (3,) rad/s at the start.
+            points: How many points are used.
+            guess: (9,) a state near the start; None for a parabola through the first points.
+            corrections: How often the start is corrected.
+
+        Returns:
+            (9,) the state at the flight's first time.
+        """
         times, seen = flight.times[:points], flight.positions[:points]
         state = np.concatenate([first_guess(flight) if guess is None else guess[:6], spin])
         for _ in range(corrections):
@@ -84,7 +120,7 @@ class Predictor:
 
 
 def first_guess(flight: Flight) -> Array:
-    """(6,) position and velocity from a parabola through the first points."""
+    """Return position and velocity (6,) at the start of a flight, from a parabola through its first 20 points."""
     t, n = flight.times - flight.times[0], min(len(flight.times), 20)
     line = np.polynomial.polynomial.polyfit(t[:n], flight.positions[:n], 2)
     return np.concatenate([line[0], line[1]])
@@ -92,8 +128,16 @@ def first_guess(flight: Flight) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identified:
-    """physics: with the values found. values, intervals: of `names`, the second half the width of 95 %. spins: rad/s, topspin (-w_y) found
-    for each group without a measured one, and the half width. rms: m, of all points, before and after."""
+    """Coefficients that were found.
+
+    Attributes:
+        physics: The models with the values found.
+        names: What was fitted, "air.drag" and the like.
+        values: (n,) of these.
+        intervals: (n,) half the width of their 95 % intervals.
+        spins: rad/s, the topspin (-w_y) found for each group without a measured one, and half the width of its 95 % interval.
+        rms: m, root mean square distance of all points before and after the fit.
+    """
 
     physics: Physics
     names: tuple[str, ...]
@@ -103,114 +147,178 @@ class Identified:
     rms: tuple[float, float]
 
     def spin(self, flight: Flight) -> Array:
-        """(3,) rad/s, measured or that of the flight's group."""
-        return flight.spin if flight.spin is not None else np.array([0.0, -self.spins[flight.group][0], 0.0])
+        """Return the spin (3,) rad/s of a flight: as measured, or as found for its group."""
+        return flight.spin if flight.spin is not None else _topspin(self.spins[flight.group][0])
+
+
+def _topspin(value: float) -> Array:
+    """Return the spin (3,) of a topspin (rad/s) of a ball that flies to -x."""
+    return np.array([0.0, -value, 0.0])
 
 
 def coefficient(physics: Physics, name: str) -> float:
-    """Of "air.drag" and the like. Raises TtError for a name that is none."""
+    """Return the coefficient of a name, "air.drag" and the like.
+
+    Raises:
+        BadChoice: There is no coefficient of that name.
+    """
     if name not in _RANGES:
-        raise TtError(f"coefficient {name!r} is none of {', '.join(_RANGES)}")
+        raise BadChoice("coefficient", name, tuple(_RANGES))
     part, _, field = name.partition(".")
     return float(getattr(getattr(physics, part), field))
 
 
 def with_coefficients(physics: Physics, names: Sequence[str], values: Sequence[float] | Array) -> Physics:
+    """Return the models with other values of the coefficients `names`."""
     for name, value in zip(names, values, strict=True):
         part, _, field = name.partition(".")
         physics = replace(physics, **{part: replace(getattr(physics, part), **{field: float(value)})})
     return physics
 
 
-def identify(
-    flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None] = lambda trial, rms: None
-) -> Identified:
-    """Fit the coefficients `names` of `physics`, "air.drag" and the like, to flights.
+class _Fit:
+    """The least squares problem: residuals of all flights as a function of coefficients and spins.
 
-    names may be empty: then only spins are fitted. tell: called with the trial's number and its rms (m). Raises TtError for no flight and
-    for a name that is none.
+    Its unknowns are the values of the coefficients, then one topspin for each group without a measured spin, each over its scale.
+
+    Attributes:
+        flights: With the points that are used.
+        names: Of the coefficients.
+        groups: Names of the groups without a measured spin.
+        scale: (n,) of the unknowns.
+        weights: (m,) of all coordinates: each flight counts the same.
     """
-    if not flights:
-        raise TtError("no flight to identify from")
-    if not any(name.startswith("table.") for name in names):
-        flights = [up_to_landing(flight) for flight in flights]
-    groups = sorted({flight.group for flight in flights if flight.spin is None})
-    scale = np.array([max(0.05, abs(coefficient(physics, name))) for name in names] + [SPIN_UNIT] * len(groups))
-    starts: list[Array | None] = [None] * len(flights)
-    weights = np.concatenate([np.full(3 * len(f.times), 1.0 / np.sqrt(len(f.times))) for f in flights])
-    trials = 0
 
-    def spin_of(flight: Flight, topspins: Array) -> Array:
-        return flight.spin if flight.spin is not None else np.array([0.0, -topspins[groups.index(flight.group)], 0.0])
+    def __init__(self, flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None]) -> None:
+        self.flights, self.physics, self.names = flights, physics, names
+        self.groups = sorted({flight.group for flight in flights if flight.spin is None})
+        self.scale = np.array([max(LEAST_SCALE, abs(coefficient(physics, name))) for name in names] + [SPIN_UNIT] * len(self.groups))
+        self.weights = np.concatenate([np.full(3 * len(f.times), 1.0 / np.sqrt(len(f.times))) for f in flights])
+        self._starts: list[Array | None] = [None] * len(flights)
+        self._trials, self._tell = 0, tell
 
-    def misses(physics: Physics, topspins: Array) -> list[Array]:
+    def misses(self, physics: Physics, topspins: Array) -> list[Array]:
+        """Return predicted minus recorded coordinates of each flight in m, from the start that fits it best."""
         predictor, out = Predictor(physics), []
-        for i, flight in enumerate(flights):
-            corrections = START_CORRECTIONS if starts[i] is None else 2
-            state = predictor.start(flight, spin_of(flight, topspins), len(flight.times), starts[i], corrections)
-            starts[i] = state
+        for i, flight in enumerate(self.flights):
+            spin = flight.spin if flight.spin is not None else _topspin(topspins[self.groups.index(flight.group)])
+            corrections = START_CORRECTIONS if self._starts[i] is None else MORE_CORRECTIONS
+            state = predictor.start(flight, spin, len(flight.times), self._starts[i], corrections)
+            self._starts[i] = state
             out.append((predictor.positions(state, flight.times) - flight.positions).ravel())
         return out
 
-    def residuals(x: Array) -> Array:
-        nonlocal trials
-        values = x * scale
-        everything = np.concatenate(misses(with_coefficients(physics, names, values[: len(names)]), values[len(names) :]))
-        trials += 1
-        tell(trials, float(np.sqrt(3.0 * np.mean(everything**2))))
-        return weights * everything
-
-    topspins = np.zeros(len(groups))
-    if groups:
-        cost = np.zeros((len(SPINS), len(groups)))
+    def first_topspins(self) -> Array:
+        """Return for each group the topspin of SPINS, in rad/s, that fits its flights best."""
+        cost = np.zeros((len(SPINS), len(self.groups)))
         for row, spin in zip(cost, SPINS, strict=True):
-            for flight, miss in zip(flights, misses(physics, np.full(len(groups), spin)), strict=True):
+            for flight, miss in zip(self.flights, self.misses(self.physics, np.full(len(self.groups), spin)), strict=True):
                 if flight.spin is None:
-                    row[groups.index(flight.group)] += np.mean(miss**2)
-        topspins = np.array(SPINS)[np.argmin(cost, axis=0)]
-    first = np.concatenate([[coefficient(physics, name) for name in names], topspins]) / scale
-    before = residuals(first)
+                    row[self.groups.index(flight.group)] += np.mean(miss**2)
+        return np.array(SPINS)[np.argmin(cost, axis=0)]
+
+    def first(self) -> Array:
+        """Return the unknowns (n,) from which the fit starts."""
+        topspins = self.first_topspins() if self.groups else np.zeros(0)
+        return np.concatenate([[coefficient(self.physics, name) for name in self.names], topspins]) / self.scale
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the least and the largest unknowns (n,)."""
+        ranges = [_RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
+        low, high = np.array(ranges).T / self.scale
+        return low, high
+
+    def residuals(self, unknowns: Array) -> Array:
+        """Return the weighted misses (m,) of all flights, and tell the trial."""
+        values, count = unknowns * self.scale, len(self.names)
+        misses = np.concatenate(self.misses(with_coefficients(self.physics, self.names, values[:count]), values[count:]))
+        self._trials += 1
+        self._tell(self._trials, float(np.sqrt(3.0 * np.mean(misses**2))))
+        return self.weights * misses
+
+    def rms(self, residuals: Array) -> float:
+        """Return the root mean square distance in m of all points."""
+        return float(np.sqrt(3.0 * np.mean((residuals / self.weights) ** 2)))
+
+    def covariance(self, jacobian: Array, residuals: Array) -> Array:
+        """Return the covariance (n, n) by the sandwich rule, each flight one observation (Liang and Zeger 1986)."""
+        bread = np.linalg.pinv(jacobian.T @ jacobian)
+        cuts = np.cumsum([3 * len(flight.times) for flight in self.flights])[:-1]
+        scores = np.array([j.T @ r for j, r in zip(np.split(jacobian, cuts), np.split(residuals, cuts), strict=True)])
+        count = len(self.flights)
+        return bread @ (scores.T @ scores) @ bread * count / max(1, count - jacobian.shape[1])
+
+
+def identify(
+    flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None] = lambda trial, rms: None
+) -> Identified:
+    """Fit coefficients to flights.
+
+    Args:
+        flights: As recorded.
+        physics: The models to start from.
+        names: Of the coefficients, "air.drag" and the like. If there are none, only spins are fitted.
+        tell: Called with the number of each trial and its root mean square distance in m.
+
+    Returns:
+        The coefficients with their intervals.
+
+    Raises:
+        NoFlights: There is no flight.
+        BadChoice: A name is not one of a coefficient.
+    """
+    if not flights:
+        raise NoFlights
+    if not any(name.startswith("table.") for name in names):
+        flights = [up_to_landing(flight) for flight in flights]
+    fit = _Fit(flights, physics, names, tell)
+    first = fit.first()
+    before = fit.residuals(first)
     if len(first) == 0:
-        rms = float(np.sqrt(np.mean(before**2)))
-        return Identified(physics, (), np.empty(0), np.empty(0), {}, (rms, rms))
-    ranges = [_RANGES[name] for name in names] + [(-MOST_SPIN, MOST_SPIN)] * len(groups)
-    low, high = np.array(ranges).T / scale
-    fit = least_squares(residuals, np.clip(first, low, high), bounds=(low, high), x_scale="jac", diff_step=1e-4, xtol=1e-6, ftol=1e-8)
-    half = 1.96 * scale * np.sqrt(np.diag(_covariance(fit.jac, fit.fun, [3 * len(f.times) for f in flights])))
-    values, n = fit.x * scale, len(names)
-    spins = {group: (float(values[n + i]), float(half[n + i])) for i, group in enumerate(groups)}
-    rms_of = [float(np.sqrt(3.0 * np.mean((r / weights) ** 2))) for r in (before, fit.fun)]
-    return Identified(with_coefficients(physics, names, values[:n]), tuple(names), values[:n], half[:n], spins, (rms_of[0], rms_of[1]))
-
-
-def _covariance(jacobian: Array, residual: Array, sizes: Sequence[int]) -> Array:
-    """(n, n) by the sandwich rule, each flight one observation (Liang and Zeger 1986)."""
-    bread = np.linalg.pinv(jacobian.T @ jacobian)
-    cuts = np.cumsum(sizes)[:-1]
-    scores = np.array([j.T @ r for j, r in zip(np.split(jacobian, cuts), np.split(residual, cuts), strict=True)])
-    count = len(sizes)
-    return bread @ (scores.T @ scores) @ bread * count / max(1, count - jacobian.shape[1])
+        return Identified(physics, (), np.empty(0), np.empty(0), {}, (fit.rms(before), fit.rms(before)))
+    low, high = fit.bounds()
+    found = least_squares(fit.residuals, np.clip(first, low, high), bounds=(low, high), x_scale="jac", diff_step=1e-4, xtol=1e-6, ftol=1e-8)
+    half = 1.96 * fit.scale * np.sqrt(np.diag(fit.covariance(found.jac, found.fun)))
+    values, n = found.x * fit.scale, len(names)
+    spins = {group: (float(values[n + i]), float(half[n + i])) for i, group in enumerate(fit.groups)}
+    physics = with_coefficients(physics, names, values[:n])
+    return Identified(physics, tuple(names), values[:n], half[:n], spins, (fit.rms(before), fit.rms(found.fun)))
 
 
 def write_parameters(found: Identified, base: str, path: Path) -> None:
-    """YAML for --params-file of every node: the model `base` with the coefficients found."""
+    """Write a ROS parameter file that every node and every launch file takes (`params_file:=`).
+
+    Args:
+        found: The coefficients.
+        base: Name of the models that they belong to, "liu" or "measured".
+        path: Where the file goes.
+    """
     lines = [f"# identified; behind each value half the width of its 95 % interval; rms {1e3 * found.rms[1]:.2f} mm"]
     lines += ["/**:", "  ros__parameters:", f"    physics: {base}"]
     lines += [f"    {n}: {float(v)!r} # {h:.2g}" for n, v, h in zip(found.names, found.values, found.intervals, strict=True)]
     path.write_text("\n".join(lines) + "\n")
 
 
+EPILOG = """The output is a file of ROS parameters for all nodes (key /**:). Give it to a launch file in place of its own,
+"ros2 launch tt_bringup sim.launch.yaml params_file:=identified.yaml", so that all other parameters have their defaults, or to one node with
+"--ros-args --params-file identified.yaml"."""
+
+
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="identify", description="Fit coefficients of air and table to recorded flights.")
+    """Return the options of the command line, or of `words`."""
+    parser = argparse.ArgumentParser(prog="identify", description="Fit coefficients of air and table to recorded flights.", epilog=EPILOG)
     parser.add_argument("source", type=Path, help="a bag (a folder, *.mcap, *.db3 or *.bag), or a folder of *.hdf5 of the aimy launcher")
     parser.add_argument("--topic", default="/ball/state", help="nav_msgs/Odometry of the ball in a bag (default %(default)s)")
-    parser.add_argument("--physics", choices=("liu", "measured"), default="liu", help="the model to start from (default %(default)s)")
-    parser.add_argument("--coefficients", nargs="+", default=None, metavar="NAME", help=f"of {', '.join(_RANGES)}")
-    parser.add_argument("--output", type=Path, default=Path("identified.yaml"), help="parameters for every node (default %(default)s)")
+    parser.add_argument("--physics", choices=("liu", "measured"), default="liu", help="the models to start from (default %(default)s)")
+    parser.add_argument("--coefficients", nargs="+", default=None, metavar="NAME", help=f"what is fitted: any of {', '.join(_RANGES)}")
+    parser.add_argument(
+        "--output", type=Path, default=Path("identified.yaml"), help="file of ROS parameters that is written (default %(default)s)"
+    )
     return parser.parse_args(words)
 
 
 def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line; return its exit code."""
     from rich.console import Console
     from rich.table import Table
 

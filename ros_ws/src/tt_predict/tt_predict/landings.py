@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from tt_core.arrays import Array
 from tt_core.constants import BALL_RADIUS
-from tt_core.states import Array
 
 from .recordings import Flight
 
@@ -12,11 +14,25 @@ NEAR_TABLE = 0.1  # m, height of the lowest point of an arc that ends on the tab
 BEYOND = 0.03  # s after the last point in which a landing is extrapolated
 
 
-def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float, Array] | None:
-    """(time s, (2,) place m) of the recorded bounce, or None.
+class Landing(NamedTuple):
+    """Where and when a ball met the table: time in s, place (2,) in m."""
 
-    It is where the arcs before and after the lowest point meet, or, without an arc after it, where the one before it comes to the contact
-    height at most BEYOND later. Arcs are parabolas through 10 and 8 points.
+    time: float
+    place: Array
+
+
+def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> Landing | None:
+    """Find where and when a recorded ball bounced.
+
+    The bounce is where the arcs before and after the lowest point meet. Without an arc after it, the bounce is where the arc before it
+    comes to the contact height, at most BEYOND later. Arcs are parabolas through 10 and 8 points.
+
+    Args:
+        flight: As recorded.
+        contact_height: m, of the ball's centre at the bounce.
+
+    Returns:
+        The landing, or None if no bounce was recorded.
     """
     z = flight.positions
     low = [i for i in range(3, len(z)) if z[i, 2] < NEAR_TABLE and z[i, 2] == z[i - 3 : i + 4, 2].min()]
@@ -35,11 +51,12 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> tuple[float,
     at = float(min(roots.real, key=abs))
     if np.abs(roots.imag).max() > 0.0 or not -0.02 < at < (0.02 if bounced else BEYOND):
         return None
-    return float(flight.times[lowest] + at), np.array([np.polynomial.polynomial.polyval(at, arc[:, k]) for k in range(2)])
+    place = np.array([np.polynomial.polynomial.polyval(at, arc[:, k]) for k in range(2)])
+    return Landing(float(flight.times[lowest] + at), place)
 
 
 def up_to_landing(flight: Flight) -> Flight:
-    """The points before the recorded bounce, all without one."""
+    """Return the flight up to its recorded bounce, or all of it if none was recorded."""
     bounce = landing(flight)
-    n = int(np.searchsorted(flight.times, bounce[0])) if bounce else len(flight.times)
+    n = int(np.searchsorted(flight.times, bounce.time)) if bounce else len(flight.times)
     return Flight(flight.group, flight.times[:n], flight.positions[:n], flight.spin)

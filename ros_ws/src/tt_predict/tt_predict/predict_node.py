@@ -1,4 +1,4 @@
-"""Publishes the path of the ball for every state of it that arrives."""
+"""Publish the path of the ball for every state of it that arrives."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
+from tt_core.hit_windows import PATH_END_X
 from tt_core.params import check, param
 from tt_core.ros.convert import ball_from_message, path_to_message
 from tt_core.ros.diagnostics import Event, Status
@@ -31,7 +32,9 @@ LARGEST_STATE = 4096  # bytes: a state has 730
 class PredictParams:
     """How far the ball is followed."""
 
-    until_x: float = param(-0.5, "m", "x of the plane in `table` at which a path ends", low=-100.0, high=100.0)
+    until_x: float = param(
+        PATH_END_X, "m", "x of the plane in `table` at which a path ends; past every hit window of the racket node", low=-100.0, high=100.0
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -39,9 +42,10 @@ class PredictParams:
 
 
 class PredictNode(Node):
-    """ball/state -> /ball/path up to the plane `until_x`, the end of the robot's reach; how uncertain it is there goes to /diagnostics."""
+    """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics."""
 
     def __init__(self) -> None:
+        """Declare parameters, load the kernels, then subscribe."""
         super().__init__("predict")
         self.physics = declare_physics(self)
         self.stop = StopRule.at_x(declare(self, PredictParams).until_x)
@@ -55,6 +59,7 @@ class PredictNode(Node):
         self.status.wait_for([states])
 
     def on_ball(self, message: Odometry) -> None:
+        """Predict the path and publish it."""
         try:
             ball = ball_from_message(message)
             path = rollout(ball, self.physics, self.stop)
@@ -65,11 +70,11 @@ class PredictNode(Node):
         self.status.tell(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
-        """How uncertain the ball is where its path stops: standard deviations, and the covariance of time, position, velocity, spin."""
+        """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin."""
         try:
             end = uncertainty(ball, self.physics, self.stop) if ball.covariance is not None else None
         except TtError as error:
-            return {"spread": str(error)}
+            return {"uncertainty": str(error)}
         if end is None:
             return {}
         time, _, y, z = 1e3 * np.sqrt(np.diag(end.covariance))[:4]
@@ -78,6 +83,7 @@ class PredictNode(Node):
 
 
 def main() -> None:
+    """Run the node."""
     run(PredictNode)
 
 

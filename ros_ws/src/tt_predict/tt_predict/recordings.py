@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from tt_core.arrays import Array
 from tt_core.constants import BALL_RADIUS, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError, check_array
 from tt_core.ros.bags import Bag
-from tt_core.states import Array
 
 FEWEST = 12  # points of a flight worth keeping
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -18,11 +20,42 @@ GAP = 0.1  # s without a point, and another flight begins
 AIMY_CONTACT = 0.759  # m, height of the ball's centre at its bounce, in the files
 
 
+# one message about the ball
+BALL_ROW = np.dtype([("time", float), ("position", float, 3), ("velocity_x", float), ("spin", float, 3)])
+
+
+class BadTimes(TtError):
+    """Times of a flight that do not increase."""
+
+    def __init__(self, group: str) -> None:
+        """Keep the group of the flight."""
+        super().__init__(f"times of a flight of group {group} must increase")
+        self.group = group
+
+
+class NoRecordedFlight(TtError):
+    """A file or folder without a flight."""
+
+    def __init__(self, path: Path, wanted: str) -> None:
+        """Keep the path."""
+        super().__init__(f"{path} holds no {wanted}")
+        self.path = path
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
     """One ball from a launch, or a hit, to the next hit.
 
-    group: balls of one group were launched alike. times: (n,) s. positions: (n, 3) m. spin: (3,) rad/s at the start, None if not measured.
+    Attributes:
+        group: Balls of one group were launched alike.
+        times: (n,) s, increasing.
+        positions: (n, 3) m.
+        spin: (3,) rad/s at the start, None if not measured.
+
+    Raises:
+        BadShape: An array has another shape.
+        NotFinite: A number is NaN or infinite.
+        BadTimes: There are less than two points, or the times do not increase.
     """
 
     group: str
@@ -36,15 +69,19 @@ class Flight:
         if self.spin is not None:
             object.__setattr__(self, "spin", check_array("spin", self.spin, (3,)))
         if len(self.times) < 2 or (np.diff(self.times) <= 0.0).any():
-            raise TtError(f"times of a flight of group {self.group} must increase")
+            raise BadTimes(self.group)
 
 
 def aimy(folder: Path) -> list[Flight]:
-    """All launches in the *.hdf5 files of `folder` (github: intelligent-soft-robots/ball_prediction), one group for each file.
+    """Read all launches in the *.hdf5 files of a folder (github: intelligent-soft-robots/ball_prediction), one group for each file.
 
-    The files have x along the table in the direction of flight, y to the side, z up from the floor, the origin below the launcher's muzzle.
-    In `table` the balls fly to -x from the opponent's end, along the middle: x = 2.74 - X, y = 0.7625 - Y, and z = Z - 0.739, which puts
-    the centre of a ball in contact at BALL_RADIUS. Where along the table the launcher stood is not told, and matters to no result here.
+    In the files x points along the table in the direction of flight, y to the side, z up from the floor; the origin is below the launcher's
+    muzzle. In `table` the balls fly to -x from the opponent's end, along the middle: x = 2.74 - X, y = 0.7625 - Y, and z = Z - 0.739, which
+    puts the centre of a ball in contact at BALL_RADIUS. The files do not say where along the table the launcher stood, and no result here
+    depends on it.
+
+    Raises:
+        NoRecordedFlight: The folder has no such file.
     """
     import h5py
 
@@ -57,7 +94,7 @@ def aimy(folder: Path) -> list[Flight]:
                 positions = np.column_stack([TABLE_LENGTH - x, TABLE_WIDTH / 2.0 - y, z - AIMY_CONTACT + BALL_RADIUS])
                 flights.append(Flight(path.stem, np.asarray(launches[name]["time_stamps"], dtype=float), positions))
     if not flights:
-        raise TtError(f"{folder} holds no *.hdf5 file with launches")
+        raise NoRecordedFlight(folder, "*.hdf5 file with launches")
     return flights
 
 
@@ -83,21 +120,40 @@ def bag(path: Path, topic: str) -> list[Flight]:
             ball = opened.decode(message)
             time, position, twist = ball.header.stamp, ball.pose.pose.position, ball.twist.twist
             v, w = twist.linear, twist.angular
-            rows.append([time.sec + 1e-9 * time.nanosec, position.x, position.y, position.z, v.x, w.x, w.y, w.z])
-    return cut(np.array(rows).reshape(-1, 8), path.stem)
+            rows.append((time.sec + 1e-9 * time.nanosec, (position.x, position.y, position.z), v.x, (w.x, w.y, w.z)))
+    return cut(np.array(rows, BALL_ROW), path.stem)
 
 
-def cut(rows: Array, group: str) -> list[Flight]:
-    """Flights to -x in rows (n, 8) of time, position, velocity x, spin; of rows of one time the first counts."""
-    rows = rows[np.concatenate([[True], np.diff(rows[:, 0]) > 0.0])] if len(rows) else rows
-    new = np.flatnonzero((np.diff(rows[:, 0]) > GAP) | (np.diff(np.sign(rows[:, 4])) != 0.0)) + 1
-    pieces: Iterable[Array] = np.split(rows, new)
-    return [Flight(group, p[:, 0], p[:, 1:4], p[0, 5:]) for p in pieces if len(p) >= FEWEST and p[0, 4] < 0.0]
+def cut(rows: npt.NDArray[Any], group: str) -> list[Flight]:
+    """Cut messages about balls into flights to -x.
+
+    Args:
+        rows: (n,) of BALL_ROW, in order of time. Of rows of one time the first counts.
+        group: Of the flights.
+
+    Returns:
+        Flights of at least FEWEST points. A new one begins where the ball turns round or is not seen for GAP.
+    """
+    rows = rows[np.concatenate([[True], np.diff(rows["time"]) > 0.0])] if len(rows) else rows
+    new = np.flatnonzero((np.diff(rows["time"]) > GAP) | (np.diff(np.sign(rows["velocity_x"])) != 0.0)) + 1
+    pieces: Iterable[npt.NDArray[Any]] = np.split(rows, new)
+    long = [piece for piece in pieces if len(piece) >= FEWEST and piece["velocity_x"][0] < 0.0]
+    return [Flight(group, piece["time"], piece["position"], piece["spin"][0]) for piece in long]
 
 
 def load(path: Path, topic: str) -> list[Flight]:
-    """From a folder of *.hdf5 or a bag. Raises TtError when there is no flight."""
+    """Read all flights from a folder of *.hdf5 files or from a bag.
+
+    Args:
+        path: The folder or the bag.
+        topic: Of the ball in the bag, see `bag`.
+
+    Raises:
+        NoRecordedFlight: There is no flight.
+        BagError: The bag cannot be read.
+        TtError: The topic has another type.
+    """
     flights = aimy(path) if path.is_dir() and any(path.glob("*.hdf5")) else bag(path, topic)
     if not flights:
-        raise TtError(f"{path} holds no flight of at least {FEWEST} points on {topic}")
+        raise NoRecordedFlight(path, f"flight of at least {FEWEST} points on {topic}")
     return flights

@@ -1,7 +1,6 @@
 """From a state of the ball to its path: flight and bounces, every event exact (dissertation Section 4.5.1, without its time grid).
 
-The integrator walks in steps of MAX_STEP. A step in which an event function changes sign is cut at the root, which is found by integrating
-to trial times, not by interpolation, so an event is as exact as the flight. `method="liu"` is the time grid, for comparison.
+`tt_core.events.walk` does the work. `method="liu"` is the dissertation's time grid, for comparison.
 """
 
 from __future__ import annotations
@@ -10,23 +9,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import TtError, check_range
-from tt_core.events import (
-    ENDED,
-    LONGEST,
-    MOST_BOUNCES,
-    ROWS_FULL,
-    STOP_LANDING,
-    STOP_LIU,
-    STOP_TIME,
-    STOP_X,
-    walk,
-)
+from tt_core.arrays import POSITION, SPIN, STATE, TIME, VELOCITY, Array
+from tt_core.errors import BadChoice, TtError, check_range
+from tt_core.events import LONGEST, MOST_BOUNCES, ROWS_FULL, StopKind, path_end_of, walk_entry
 from tt_core.flight import LEAST_EASE, MAX_STEP
 from tt_core.physics import Physics
-from tt_core.states import Array, BallPath, BallState, Bounce
+from tt_core.states import BallPath, BallState, Bounce
 
-from .dissertation import LIU_STEP, walk_stepped
+from .dissertation import LIU_STEP, walk_stepped_entry
 
 MOST_POINTS = 2000  # of a path that is published, see `thinned`
 SPACING = 0.005  # s between the points of a path that has been thinned out
@@ -34,79 +24,90 @@ SPACING = 0.005  # s between the points of a path that has been thinned out
 
 @dataclass(frozen=True, slots=True)
 class StopRule:
-    """Where a path ends, unless the floor, the net or the table's edge ends it."""
+    """Where a path ends, unless the floor, the net or the table's edge ends it. Made by one of the class methods.
 
-    kind: int
+    Attributes:
+        kind: Which rule.
+        value: The time in s or the x in m of the rule, 0 if it needs none.
+    """
+
+    kind: StopKind
     value: float = 0.0
 
     @classmethod
     def liu(cls) -> StopRule:
-        """After a bounce: in -0.3 <= x <= 0 as soon as the ball does not rise, else at x = -0.3 (Section 4.5.1)."""
-        return cls(STOP_LIU)
+        """Stop after a bounce, in -0.3 <= x <= 0 as soon as the ball does not rise, else at x = -0.3 (Section 4.5.1)."""
+        return cls(StopKind.LIU)
 
     @classmethod
     def at_time(cls, t: float) -> StopRule:
-        """At the time t (s), the same clock as the ball's."""
-        return cls(STOP_TIME, check_range("t", t, -math.inf, math.inf))
+        """Stop at the time t (s), of the same clock as the ball's time."""
+        return cls(StopKind.TIME, check_range("t", t, -math.inf, math.inf))
 
     @classmethod
     def at_x(cls, x: float) -> StopRule:
-        """Where the centre crosses the plane x (m)."""
-        return cls(STOP_X, check_range("x", x, -100.0, 100.0))
+        """Stop where the centre of the ball crosses the plane x (m), -100 to 100."""
+        return cls(StopKind.X, check_range("x", x, -100.0, 100.0))
 
     @classmethod
     def at_landing(cls) -> StopRule:
-        """At the next contact with the table, before the rebound."""
-        return cls(STOP_LANDING)
+        """Stop at the next contact with the table, before the rebound."""
+        return cls(StopKind.LANDING)
 
     def longest(self, start: float) -> float:
-        """s of the longest path from `start`; raises OutOfRange for a stop time before it."""
-        return check_range("stop time after the ball's", self.value - start, 0.0, LONGEST) if self.kind == STOP_TIME else LONGEST
+        """Return the longest duration in s of a path from the time `start` (s).
+
+        Raises:
+            OutOfRange: The stop time is before `start`, or later than LONGEST after it.
+        """
+        return check_range("stop time after the ball's", self.value - start, 0.0, LONGEST) if self.kind is StopKind.TIME else LONGEST
 
 
 _MOST_ROWS = math.ceil(LONGEST / (MAX_STEP * LEAST_EASE)) + 2 * MOST_BOUNCES + 8
 _ROWS = {"exact": math.ceil(LONGEST / MAX_STEP) + 2 * MOST_BOUNCES + 8, "liu": math.ceil(LONGEST / LIU_STEP) + MOST_BOUNCES + 8}
+_WALKS = {"exact": walk_entry, "liu": walk_stepped_entry}
 
 
 def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = "exact") -> BallPath:
-    """The path of the ball from its state to the stop rule or to what else ends it; `ended` tells: "stop", "floor", "net", "edge" (of the
-    table), "rolling" after MOST_BOUNCES, "too long" after LONGEST seconds, "too far" where it leaves FARTHEST or is over FASTEST.
+    """Predict the path of the ball.
 
-    Points lie at most MAX_STEP apart. What the ball does after net and edge nobody can tell, so the path ends there.
-    method: "exact", or "liu", the dissertation's own scheme, see `walk_stepped`, which ends at steps only.
-    Raises OutOfRange for a stop time before the ball's, TtError for an unknown method.
+    Points lie at most MAX_STEP apart. After net and edge the ball cannot be predicted, so the path ends there.
+
+    Args:
+        ball: Where the path starts, in `table`.
+        physics: Models of air and table.
+        stop: Where the path ends if nothing else ends it.
+        method: "exact", or "liu", the dissertation's own scheme, which ends at time steps only (`dissertation.walk_stepped`).
+
+    Returns:
+        The path. Its `ended` tells what ended it.
+
+    Raises:
+        OutOfRange: The stop time is before the ball's time.
+        BadChoice: `method` is unknown.
+        TtError: The path has more points than any path of LONGEST seconds.
     """
-    if method not in _ROWS:
-        raise TtError(f"method {method!r} is none of {', '.join(map(repr, _ROWS))}")
-    time, duration = ball.time, stop.longest(ball.time)
-    size, ended = _ROWS[method], ROWS_FULL
-    while ended == ROWS_FULL:
-        rows, at = np.empty((size, 10)), np.empty(MOST_BOUNCES, np.int64)
-        n, bounced, ended = (walk if method == "exact" else walk_stepped)(
-            time,
-            ball.vector,
-            duration,
-            stop.kind,
-            stop.value,
-            physics.air.coefficients,
-            physics.table.coefficients,
-            physics.contact_height,
-            rows,
-            at,
-        )
-        if ended == ROWS_FULL and size >= _MOST_ROWS:
+    if method not in _WALKS:
+        raise BadChoice("method", method, tuple(_WALKS))
+    walk, duration = _WALKS[method], stop.longest(ball.time)
+    size, end = _ROWS[method], ROWS_FULL
+    while end == ROWS_FULL:
+        rows, bounce_rows = np.empty((size, 10)), np.empty(MOST_BOUNCES, np.int64)
+        points, bounced, end = walk(ball.time, ball.vector, int(stop.kind), stop.value, duration, physics.coefficients, rows, bounce_rows)
+        if end == ROWS_FULL and size >= _MOST_ROWS:
             raise TtError(f"path of more than {size} points")
-        size = min(8 * size, _MOST_ROWS)  # small steps, see tt_core.flight.ease
-    rows = rows[:n]
+        size = min(8 * size, _MOST_ROWS)  # steps may be small, see tt_core.flight.ease
+    rows = rows[:points]
     rows.flags.writeable = False
-    bounces = tuple(_bounce(rows, i) for i in at[:bounced].tolist()) if bounced else ()
-    return BallPath.trusted(rows, bounces, ENDED[ended])
+    bounces = tuple(_bounce(rows, i) for i in bounce_rows[:bounced].tolist()) if bounced else ()
+    return BallPath.trusted(rows, bounces, path_end_of(end))
 
 
 def thinned(path: BallPath) -> BallPath:
-    """The path itself, or where it has more than MOST_POINTS, which happens with spin along the flight, points of it SPACING apart.
+    """Return the path with at most MOST_POINTS points or so.
 
-    Both points of each bounce and the last point stay.
+    A path that has no more stays as it is. A longer one, which happens with spin along the flight, keeps points SPACING apart, both points
+    of each bounce, and the last point.
     """
     if len(path.times) <= MOST_POINTS:
         return path
@@ -117,7 +118,7 @@ def thinned(path: BallPath) -> BallPath:
 
 
 def _bounce(rows: Array, i: int) -> Bounce:
-    """Between rows i - 1 and i of (n, 10)."""
-    time = float(rows[i, 0])
-    before, after = (BallState.trusted(time, row[1:4], row[4:7], row[7:]) for row in (rows[i - 1], rows[i]))
+    """Return the bounce between rows i - 1 and i of (n, 10)."""
+    time = float(rows[i, TIME])
+    before, after = (BallState.trusted(time, s[POSITION], s[VELOCITY], s[SPIN]) for s in (rows[i - 1, STATE], rows[i, STATE]))
     return Bounce(before, after)

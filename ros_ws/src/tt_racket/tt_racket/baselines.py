@@ -1,6 +1,6 @@
-"""Strokes of earlier robots, which know no spin and no air: what the others are measured against.
+"""Strokes of earlier robots, for comparison: they know no spin and no air.
 
-Both aim along the parabola that leads to the goal in the asked time. `residual` is what the full models make of it.
+Both aim along the parabola that leads to the goal in the asked time. `residual` is how far the full models then miss the goal.
 """
 
 from __future__ import annotations
@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from tt_core.arrays import Array
 from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.states import Array, BallState, RacketState, ReturnGoal
+from tt_core.states import BallState, RacketState, ReturnGoal
 
 from .stroke import Stroke
 
@@ -19,12 +20,13 @@ PITCH = 0.35  # rad, elevation of the racket's normal, an assumption
 
 
 def _parabola(ball: BallState, goal: ReturnGoal, physics: Physics) -> Array:
-    """(3,) m/s after the hit."""
+    """Return the velocity (3,) m/s after the hit that leads to the goal in the asked time without air."""
     way = np.append(goal.landing, physics.contact_height) - ball.position
     return way / goal.flight_time + [0.0, 0.0, 0.5 * physics.air.gravity * goal.flight_time]
 
 
 def _stroke(ball: BallState, goal: ReturnGoal, physics: Physics, normal: Array, velocity: Array) -> Stroke:
+    """Return the stroke with that face normal (3,) and racket velocity (3,), and what the full models make of it."""
     racket = RacketState.facing(ball.time, ball.position - physics.contact_height * normal, velocity, normal)
     after = physics.racket.after(ball.velocity, ball.spin, racket)
     end = fly(np.concatenate([ball.position, *after]), goal.flight_time, physics.air.coefficients)
@@ -33,9 +35,16 @@ def _stroke(ball: BallState, goal: ReturnGoal, physics: Physics, normal: Array, 
 
 
 def specular(ball: BallState, goal: ReturnGoal, physics: Physics, loss: float = LOSS) -> Stroke:
-    """Acosta's: angle out is angle in and `loss` of the energy relative to the racket is lost; the racket moves along its normal.
+    """Return Acosta's stroke: a mirror that loses energy and moves along its normal.
 
-    v1 - V = k (v0 - V - 2 n n.(v0 - V)) with k^2 = 1 - loss and V = s n has n along v1 - k v0.
+    The angle out is the angle in, and `loss` of the energy relative to the racket is lost: v1 - V = k (v0 - V - 2 n n.(v0 - V)) with
+    k^2 = 1 - loss. With V = s n, the normal n lies along v1 - k v0.
+
+    Args:
+        ball: At the hit.
+        goal: Its landing and flight time are aimed at.
+        physics: Gravity and contact height; the full models for the residual.
+        loss: Share of the energy.
     """
     kept, wanted = math.sqrt(1.0 - loss), _parabola(ball, goal, physics)
     normal = wanted - kept * ball.velocity
@@ -45,13 +54,23 @@ def specular(ball: BallState, goal: ReturnGoal, physics: Physics, loss: float = 
 
 
 def fixed_pitch(ball: BallState, goal: ReturnGoal, physics: Physics, pitch: float = PITCH, loss: float = LOSS) -> Stroke:
-    """Yang's: the normal's elevation `pitch` (rad) is fixed, its heading halves the angle between the ball's ways in and out, as a mirror
-    does; the racket moves along its normal, as fast as the way to the goal in the asked time needs with that loss of energy."""
+    """Return Yang's stroke: a racket of fixed pitch that moves along its normal.
+
+    The normal's heading halves the angle between the ball's ways in and out, as a mirror does. The racket is as fast as the way to the goal
+    in the asked time needs.
+
+    Args:
+        ball: At the hit.
+        goal: Its landing and flight time are aimed at.
+        physics: Gravity and contact height; the full models for the residual.
+        pitch: rad, elevation of the normal.
+        loss: Share of the energy relative to the racket.
+    """
     kept, wanted = math.sqrt(1.0 - loss), _parabola(ball, goal, physics)
     ways = np.array([v[:2] / max(1e-9, float(np.hypot(*v[:2]))) for v in (-ball.velocity, wanted)])
     heading = ways.sum(axis=0) / max(1e-9, float(np.hypot(*ways.sum(axis=0))))
     normal = np.array([math.cos(pitch) * heading[0], math.cos(pitch) * heading[1], math.sin(pitch)])
-    out = np.append(ways[1], 0.0)  # v1 = k (v0 - 2 n n.v0) + (1 + k) s n, its part along the way out as wanted
+    out = np.append(ways[1], 0.0)  # in v1 = k (v0 - 2 n n.v0) + (1 + k) s n the part along this is as wanted
     mirrored = kept * (ball.velocity - 2.0 * normal * (ball.velocity @ normal))
     speed = (wanted - mirrored) @ out / ((1.0 + kept) * (normal @ out))
     return _stroke(ball, goal, physics, normal, speed * normal)

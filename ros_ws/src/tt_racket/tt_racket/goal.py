@@ -5,20 +5,32 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from tt_core.arrays import Array
 from tt_core.params import check, param
-from tt_core.states import Array, ReturnGoal
+from tt_core.states import ReturnGoal
 
 
 @dataclass(frozen=True)
 class GoalParams:
-    """Place and time of Table 4.5(b); spin answered by its kind."""
+    """Default goal of a return: place and time of Table 4.5(b), spin according to the kind of the ball's spin."""
 
-    landing_x: float = param(2.055, "m", "Table 4.5(b)", low=1.37, high=2.74, dynamic=True)
-    landing_y: float = param(0.7625, "m", "the middle", low=0.0, high=1.525, dynamic=True)
-    flight_time: float = param(0.6, "s", "Table 4.5(b), back spin", low=0.1, high=2.0, dynamic=True)
-    back_spin_y: float = param(-125.66, "rad/s", "Table 4.5(b), answer to back spin", dynamic=True)
-    top_spin_y: float = param(104.72, "rad/s", "Table 4.5(b), answer to topspin", dynamic=True)
-    side_spin_z: float = param(100.0, "rad/s", "Table 4.2(b) case 3, answer to side spin, against it", dynamic=True)
+    landing_x: float = param(2.055, "m", "x of the default landing place, Table 4.5(b)", low=1.37, high=2.74, dynamic=True)
+    landing_y: float = param(0.7625, "m", "y of the default landing place, the middle of the table", low=0.0, high=1.525, dynamic=True)
+    flight_time: float = param(0.6, "s", "default time from racket to landing, Table 4.5(b), back spin", low=0.1, high=2.0, dynamic=True)
+    back_spin_y: float = param(
+        -125.66, "rad/s", "spin about y with which back spin is returned, Table 4.5(b)", low=-2000.0, high=2000.0, dynamic=True
+    )
+    top_spin_y: float = param(
+        104.72, "rad/s", "spin about y with which topspin is returned, Table 4.5(b)", low=-2000.0, high=2000.0, dynamic=True
+    )
+    side_spin_z: float = param(
+        100.0,
+        "rad/s",
+        "spin about z, against the ball's own, with which side spin is returned, Table 4.2(b) case 3",
+        low=-2000.0,
+        high=2000.0,
+        dynamic=True,
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -26,7 +38,12 @@ class GoalParams:
 
 
 def default_goal(spin: Array, params: GoalParams) -> ReturnGoal:
-    """The goal for an incoming ball of that spin (3,) rad/s: back spin answered by back spin, topspin by topspin, side by side."""
+    """Return the default goal for an incoming ball: back spin is returned with back spin, topspin with topspin, side spin with side spin.
+
+    Args:
+        spin: (3,) rad/s, of the incoming ball.
+        params: Place, time and spins.
+    """
     spin_y, spin_z = (params.back_spin_y if spin[1] > 0.0 else params.top_spin_y), 0.0
     if abs(spin[2]) > abs(spin[1]):
         spin_y, spin_z = 0.0, -np.sign(spin[2]) * params.side_spin_z

@@ -1,168 +1,243 @@
-"""What to give up when a goal is out of reach: the nearest feasible return by spin, by time or by place, each by its name."""
+"""What to give up of a goal that is out of reach: the nearest feasible return by spin, by time or by place."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Flag, auto
+from typing import NamedTuple
 
 import numpy as np
+from tt_core.arrays import Array
 from tt_core.constants import NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
 from tt_core.params import check, param
 from tt_core.physics import Physics
-from tt_core.states import Array, BallState, ReturnGoal
+from tt_core.states import BallState, ReturnGoal
 
 from .stroke import Stroke, solve
 
-AS_ASKED = "as asked"
 HALVINGS = 5  # of the last step of a search
-_DIRECTIONS = [(math.cos(a), math.sin(a)) for a in np.arange(8) * math.pi / 4.0]
+SHORTEST, LONGEST = 0.1, 3.0  # s, flight times that are tried
+DIRECTIONS = 8  # in which other landings are tried
+
+
+class GoalPart(Flag):
+    """Parts of a goal that may be given up."""
+
+    SPIN = auto()
+    TIME = auto()
+    PLACE = auto()
+
+
+NOTHING = GoalPart(0)
+_PARTS = {"spin": GoalPart.SPIN, "time": GoalPart.TIME, "place": GoalPart.PLACE}
+_TIME, _SPIN = 2, slice(3, 5)  # elements of ReturnGoal.vector
 
 
 @dataclass(frozen=True)
 class RelaxationParams:
-    """order: what is given up first. The steps of a search, and how far it goes."""
+    """What is given up first, in which steps it is searched for, and how far."""
 
     order: tuple[str, ...] = param(
         ("spin", "time", "place"), "", "what of a goal out of reach is given up, in this order", choices=("spin", "time", "place")
     )
-    spin_step: float = param(40.0, "rad/s", "", low=1.0, high=1000.0)
-    time_step: float = param(0.04, "s", "", low=0.005, high=1.0)
-    time_most: float = param(0.4, "s", "longer or shorter", low=0.0, high=2.0)
-    place_step: float = param(0.1, "m", "", low=0.01, high=1.0)
-    place_most: float = param(0.6, "m", "", low=0.0, high=2.0)
+    spin_step: float = param(40.0, "rad/s", "step in which less of the asked spin is tried", low=1.0, high=1000.0)
+    time_step: float = param(0.04, "s", "step in which shorter and longer flight times are tried", low=0.005, high=1.0)
+    time_most: float = param(0.4, "s", "largest change of the flight time, shorter or longer", low=0.0, high=2.0)
+    place_step: float = param(0.1, "m", "step in which other landing places are tried", low=0.01, high=1.0)
+    place_most: float = param(0.6, "m", "largest distance between the asked landing place and another", low=0.0, high=2.0)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
-        if len(set(self.order)) != len(self.order) or not set(self.order) <= set(_SEARCHES):
-            raise TtError(f"order = {self.order} is not an order of {', '.join(_SEARCHES)}")
+        if len(set(self.order)) != len(self.order):
+            raise TtError(f"order = {self.order} names a part of the goal twice")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Choice:
-    """A return and what it gives up: `name` is "as asked", "spin", "time", "place", or "spin and" one of the others.
+@dataclass(frozen=True, slots=True)
+class Relaxation:
+    """What a goal gives up of the asked one.
 
-    given: as text, how much. goal: that of the stroke.
+    Attributes:
+        parts: What is given up; NOTHING if the goal is as asked.
+        spin: rad/s, by which the spin about y and z is changed.
+        time: s, by which the flight time is changed; positive is longer.
+        place: m, from the asked landing to the new one.
     """
 
-    name: str
-    given: str
+    parts: GoalPart = NOTHING
+    spin: float = 0.0
+    time: float = 0.0
+    place: float = 0.0
+
+    @classmethod
+    def between(cls, asked: ReturnGoal, goal: ReturnGoal, parts: GoalPart) -> Relaxation:
+        """Return what `goal` gives up of `asked`."""
+        change = goal.vector - asked.vector
+        return cls(parts, math.hypot(*change[_SPIN].tolist()), float(change[_TIME]), math.hypot(*change[:2].tolist()))
+
+    def rank(self, order: Sequence[str]) -> int:
+        """Return the place of this in an order of preference: one part by the order, then spin together with another part by the order."""
+        if self.parts is NOTHING:
+            return 0
+        together = self.parts & ~GoalPart.SPIN
+        if together is NOTHING or self.parts is together:
+            return [_PARTS[name] for name in order].index(self.parts)
+        return len(order) + [_PARTS[name] for name in order].index(together)
+
+    def __str__(self) -> str:
+        """Return it as text, "as asked" if nothing is given up."""
+        texts = {
+            GoalPart.SPIN: f"spin by {self.spin:.0f} rad/s",
+            GoalPart.TIME: f"time by {self.time:+.3f} s",
+            GoalPart.PLACE: f"place by {self.place:.3f} m",
+        }
+        return " and ".join(text for part, text in texts.items() if part in self.parts) or "as asked"
+
+
+AS_ASKED = Relaxation()
+
+
+class Return(NamedTuple):
+    """A way to return a ball.
+
+    Attributes:
+        ball: At the hit.
+        goal: That of the stroke.
+        stroke: The stroke, or the reason why there is none.
+        relaxation: What `goal` gives up of the asked goal.
+    """
+
+    ball: BallState
     goal: ReturnGoal
     stroke: Stroke
+    relaxation: Relaxation = AS_ASKED
 
 
-Solver = Callable[[ReturnGoal], Stroke]
-Way = tuple[Callable[[float], "ReturnGoal | None"], list[float]]  # a goal for how much is given up, and the amounts to try
+class _Line(NamedTuple):
+    """Goals along a line: base + amount / length * change, as vectors of ReturnGoal."""
+
+    part: GoalPart
+    base: Array
+    change: Array
+    length: float  # in the unit of the amounts
+    amounts: list[float]  # to try, rising
 
 
-def _with_spin(goal: ReturnGoal, spin: Array) -> ReturnGoal:
-    return ReturnGoal(goal.landing, goal.flight_time, float(spin[0]), float(spin[1]))
+def _goal_at(line: _Line, amount: float) -> ReturnGoal | None:
+    """Return the goal at an amount along a line, None where the part that changes is out of bounds."""
+    vector = line.base + amount / line.length * line.change
+    x, y, time, _, _ = vector.tolist()
+    if line.part is GoalPart.TIME and not SHORTEST <= time <= LONGEST:
+        return None
+    if line.part is GoalPart.PLACE and not (NET_X < x < TABLE_LENGTH and 0.0 < y < TABLE_WIDTH):
+        return None
+    return ReturnGoal.from_vector(vector)
 
 
-def _by_spin(ball: BallState, goal: ReturnGoal, params: RelaxationParams) -> Iterator[Way]:
-    """From the asked spin towards the ball's own, which every rubber leaves it, and towards none and then the opposite."""
-    asked = np.array([goal.spin_y, goal.spin_z])
-    for end in (ball.spin[1:], -asked):
-        length = float(np.linalg.norm(end - asked))
-        if length > 0.0:
-            amounts = [*np.arange(params.spin_step, length, params.spin_step), length]
-            yield lambda amount, end=end, length=length: _with_spin(goal, asked + amount / length * (end - asked)), amounts  # type: ignore[misc]
+def _lines(part: GoalPart, ball: BallState, base: Array, params: RelaxationParams) -> list[_Line]:
+    """Return the lines along which a part of the goal is given up.
 
-
-def _by_time(ball: BallState, goal: ReturnGoal, params: RelaxationParams) -> Iterator[Way]:
-    def changed(sign: float, amount: float) -> ReturnGoal | None:
-        time = goal.flight_time + sign * amount
-        return ReturnGoal(goal.landing, time, goal.spin_y, goal.spin_z) if 0.1 <= time <= 3.0 else None
-
-    amounts = list(np.arange(1, round(params.time_most / params.time_step) + 1) * params.time_step)
-    for sign in (-1.0, 1.0):
-        yield lambda amount, sign=sign: changed(sign, amount), amounts  # type: ignore[misc]
-
-
-def _by_place(ball: BallState, goal: ReturnGoal, params: RelaxationParams) -> Iterator[Way]:
-    def moved(direction: tuple[float, float], amount: float) -> ReturnGoal | None:
-        landing = goal.landing + amount * np.array(direction)
-        inside = NET_X < landing[0] < TABLE_LENGTH and 0.0 < landing[1] < TABLE_WIDTH
-        return ReturnGoal(landing, goal.flight_time, goal.spin_y, goal.spin_z) if inside else None
-
+    The spin goes towards that of the ball, which every rubber leaves it, and through none towards the opposite of the asked one.
+    """
+    if part is GoalPart.SPIN:
+        lines = []
+        for change in (ball.spin[1:] - base[_SPIN], -base[_SPIN] - base[_SPIN]):
+            length = float(np.linalg.norm(change))
+            if length > 0.0:
+                amounts = [*np.arange(params.spin_step, length, params.spin_step), length]
+                lines.append(_Line(part, base, np.array([0.0, 0.0, 0.0, *change]), length, amounts))
+        return lines
+    if part is GoalPart.TIME:
+        amounts = list(np.arange(1, round(params.time_most / params.time_step) + 1) * params.time_step)
+        return [_Line(part, base, np.array([0.0, 0.0, sign, 0.0, 0.0]), 1.0, amounts) for sign in (-1.0, 1.0)]
     amounts = list(np.arange(1, round(params.place_most / params.place_step) + 1) * params.place_step)
-    for direction in _DIRECTIONS:
-        yield lambda amount, direction=direction: moved(direction, amount), amounts  # type: ignore[misc]
+    angles = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
+    return [_Line(part, base, np.array([math.cos(a), math.sin(a), 0.0, 0.0, 0.0]), 1.0, amounts) for a in angles]
 
 
-_SEARCHES = {"spin": _by_spin, "time": _by_time, "place": _by_place}
+def _nearest(line: _Line, i: int, ball: BallState, physics: Physics, racket_speed: float) -> tuple[float, ReturnGoal, Stroke] | None:
+    """Try the line's amount number i, and if it is feasible halve the last step; return amount, goal and stroke."""
+    if i >= len(line.amounts) or (goal := _goal_at(line, line.amounts[i])) is None:
+        return None
+    stroke = solve(ball, goal, physics, racket_speed=racket_speed)
+    if stroke.racket is None:
+        return None
+    low, best = (line.amounts[i - 1] if i else 0.0), (line.amounts[i], goal, stroke)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + best[0])
+        nearer = _goal_at(line, middle)
+        if nearer and (stroke := solve(ball, nearer, physics, racket_speed=racket_speed)).racket:
+            best = (middle, nearer, stroke)
+        else:
+            low = middle
+    return best
 
 
-def _least(ways: list[Way], solver: Solver) -> tuple[float, ReturnGoal, Stroke] | None:
-    """The least amount over all ways at which the return is feasible: amounts rise together, the last step is halved."""
-    longest = max((len(amounts) for _, amounts in ways), default=0)
-    for i in range(longest):
-        found = []
-        for goal_for, amounts in ways:
-            if i >= len(amounts) or (goal := goal_for(amounts[i])) is None or (stroke := solver(goal)).racket is None:
-                continue
-            low, best = (amounts[i - 1] if i else 0.0), (amounts[i], goal, stroke)
-            for _ in range(HALVINGS):
-                middle = 0.5 * (low + best[0])
-                nearer = goal_for(middle)
-                if nearer and (stroke := solver(nearer)).racket:
-                    best = (middle, nearer, stroke)
-                else:
-                    low = middle
-            found.append(best)
+def _least(lines: list[_Line], ball: BallState, physics: Physics, racket_speed: float) -> tuple[ReturnGoal, Stroke] | None:
+    """Return the feasible goal with the least amount over all lines, whose amounts rise together, and its stroke."""
+    for i in range(max((len(line.amounts) for line in lines), default=0)):
+        found = [best for line in lines if (best := _nearest(line, i, ball, physics, racket_speed)) is not None]
         if found:
-            return min(found, key=lambda one: one[0])
+            _, goal, stroke = min(found, key=lambda one: one[0])
+            return goal, stroke
     return None
 
 
-def _tell(name: str, amount: float, goal: ReturnGoal) -> str:
-    if name == "spin":
-        return f"{amount:.0f} rad/s to y {goal.spin_y:.0f}, z {goal.spin_z:.0f}"
-    if name == "time":
-        return f"{goal.flight_time:.3f} s"
-    return f"{amount:.3f} m to x {goal.landing[0]:.3f}, y {goal.landing[1]:.3f}"
+def relax_part(
+    part: str, ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams, racket_speed: float = math.inf
+) -> Return | None:
+    """Give up one part of a goal out of reach, as little of it as possible.
 
+    Args:
+        part: "spin", "time" or "place".
+        ball: At the hit.
+        goal: Out of reach.
+        physics: Models.
+        params: Steps and bounds of the search.
+        racket_speed: m/s, highest speed of the racket.
 
-def choices(
-    ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf
-) -> tuple[Choice, ...]:
-    """For each name in the order, the nearest feasible return to an unfeasible goal that gives up that alone; what has none is left out."""
-    params, found = params or RelaxationParams(), []
-    for name in params.order:
-        ways = list(_SEARCHES[name](ball, goal, params))
-        least = _least(ways, lambda one: solve(ball, one, physics, racket_speed=racket_speed))
-        if least:
-            found.append(Choice(name, _tell(name, least[0], least[1]), least[1], least[2]))
-    return tuple(found)
+    Returns:
+        The nearest feasible return, or None.
+    """
+    flag = _PARTS[part]
+    found = _least(_lines(flag, ball, goal.vector, params), ball, physics, racket_speed)
+    return Return(ball, found[0], found[1], Relaxation.between(goal, found[0], flag)) if found else None
 
 
 def relax_goal(
     ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf
-) -> Choice:
-    """The return as asked, or the first of the order that makes it feasible, or, if spin may be given up, the first of the others with the
-    ball's own spin or with none.
+) -> Return:
+    """Find the return as asked, or the one that gives up what comes first in the order.
 
-    racket_speed: m/s, the most there is. Without any, the choice "as asked" with the stroke's reason.
+    One part is given up first. If that does not help, and spin may be given up, the other parts are given up with the spin of the ball
+    itself, then with no spin.
+
+    Args:
+        ball: At the hit.
+        goal: As asked.
+        physics: Models.
+        params: Order, steps and bounds of the search.
+        racket_speed: m/s, highest speed of the racket.
+
+    Returns:
+        The return. If nothing helps it is as asked, without a racket, with the stroke's reason.
     """
     params = params or RelaxationParams()
-
-    def solver(one: ReturnGoal) -> Stroke:
-        return solve(ball, one, physics, racket_speed=racket_speed)
-
-    asked = Choice(AS_ASKED, "nothing", goal, solver(goal))
+    asked = Return(ball, goal, solve(ball, goal, physics, racket_speed=racket_speed))
     if asked.stroke.racket:
         return asked
-    bases = [("", "", goal)]
-    if "spin" in params.order:
-        spins = {"the ball's own spin": ball.spin[1:], "no spin": np.zeros(2)}
-        bases += [("spin and ", f"{name}, ", _with_spin(goal, spin)) for name, spin in spins.items()]
-    for prefix, told, base in bases:
-        for name in params.order:
-            if prefix and name == "spin":
-                continue
-            least = _least(list(_SEARCHES[name](ball, base, params)), solver)
-            if least:
-                return Choice(prefix + name, told + _tell(name, least[0], least[1]), least[1], least[2])
+    for part in params.order:
+        if (relaxed := relax_part(part, ball, goal, physics, params, racket_speed)) is not None:
+            return relaxed
+    if "spin" not in params.order:
+        return asked
+    for spin in (ball.spin[1:], np.zeros(2)):
+        base = ReturnGoal(goal.landing, goal.flight_time, float(spin[0]), float(spin[1]))
+        for part in params.order:
+            if part != "spin" and (other := relax_part(part, ball, base, physics, params, racket_speed)) is not None:
+                parts = GoalPart.SPIN | _PARTS[part]
+                return Return(ball, other.goal, other.stroke, Relaxation.between(goal, other.goal, parts))
     return asked

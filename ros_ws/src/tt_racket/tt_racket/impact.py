@@ -1,7 +1,7 @@
 """The racket that turns one ball velocity into another: the rebound model solved backwards (dissertation Section 4.2.1).
 
-With xi = turn (v1 - v0) and eta = w1 - w0 the model needs eta = xi x n (4.15, corrected), so n is in closed form; the racket's velocity
-follows from the impulse along n and across it. Kernels do not validate.
+With xi = turn (v1 - v0) and eta = w1 - w0 the model needs eta = xi x n (4.15, corrected), so the face normal n has a closed form. The
+racket's velocity follows from the impulses along n and across it. Kernels do not validate.
 """
 
 from __future__ import annotations
@@ -10,20 +10,30 @@ import math
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array
+from tt_core.bounce import RacketCoefficients
 from tt_core.constants import BALL_RADIUS
-from tt_core.states import Array
 
 
 @njit(cache=True)
 def spin_after(v0: Array, w0: Array, v1: Array, spin_y: float, spin_z: float, w1: Array) -> None:
-    """w1 with the asked y and z, and x from (4.16): (v1 - v0).(w1 - w0) = 0. v1_x must differ from v0_x."""
+    """Fill the spin after the hit: y and z as asked, x from (4.16), (v1 - v0).(w1 - w0) = 0.
+
+    Args:
+        v0: (3,) m/s, velocity of the ball before the hit.
+        w0: (3,) rad/s, spin before the hit.
+        v1: (3,) m/s, velocity after the hit; its x must differ from that of `v0`.
+        spin_y: rad/s after the hit.
+        spin_z: rad/s after the hit.
+        w1: (3,) rad/s, filled.
+    """
     w1[1], w1[2] = spin_y, spin_z
     w1[0] = w0[0] - ((v1[1] - v0[1]) * (spin_y - w0[1]) + (v1[2] - v0[2]) * (spin_z - w0[2])) / (v1[0] - v0[0])
 
 
 @njit(cache=True)
 def _speed_for(change: float, gain: float, drop: float, least: float) -> float:
-    """u >= 0 with max(least, gain - drop u) u = change."""
+    """Return u >= 0 with max(least, gain - drop u) u = change."""
     if drop == 0.0:
         return change / gain
     under = gain * gain - 4.0 * drop * change
@@ -32,15 +42,28 @@ def _speed_for(change: float, gain: float, drop: float, least: float) -> float:
 
 
 @njit(cache=True)
-def racket_for(v0: Array, w0: Array, v1: Array, w1: Array, c: Array, racket_velocity: Array, normal: Array) -> float:
-    """Fill velocity and normal; returns |eta| / |xi|, of which more than 1 means that no racket does it. c: of RacketRebound.
+def racket_for(v0: Array, w0: Array, v1: Array, w1: Array, rubber: RacketCoefficients, racket_velocity: Array, normal: Array) -> float:
+    """Find the racket that changes velocity and spin of the ball as asked.
 
-    The normal is the physical root, n.(v1 - v0) > 0.
+    Of the two normals the one with n.(v1 - v0) > 0 is taken, because the racket can only push.
+
+    Args:
+        v0: (3,) m/s, velocity of the ball before the hit.
+        w0: (3,) rad/s, spin before the hit.
+        v1: (3,) m/s, velocity after the hit.
+        w1: (3,) rad/s, spin after the hit, with (v1 - v0).(w1 - w0) = 0.
+        rubber: Coefficients.
+        racket_velocity: (3,) m/s, filled.
+        normal: (3,) unit face normal, filled.
+
+    Returns:
+        |eta| / |xi|, the asked change of spin over the largest that the rubber gives. If it is over 1 no racket does it, and nothing is
+        filled.
     """
     xi, eta = np.empty(3), np.empty(3)
     xi2, eta2 = 0.0, 0.0
     for k in range(3):
-        xi[k] = c[6] * (v1[k] - v0[k])
+        xi[k] = rubber.turn * (v1[k] - v0[k])
         eta[k] = w1[k] - w0[k]
         xi2 += xi[k] * xi[k]
         eta2 += eta[k] * eta[k]
@@ -50,17 +73,17 @@ def racket_for(v0: Array, w0: Array, v1: Array, w1: Array, c: Array, racket_velo
     normal[0] = (eta[1] * xi[2] - eta[2] * xi[1]) / xi2 + along * xi[0]
     normal[1] = (eta[2] * xi[0] - eta[0] * xi[2]) / xi2 + along * xi[1]
     normal[2] = (eta[0] * xi[1] - eta[1] * xi[0]) / xi2 + along * xi[2]
-    push = 0.0
+    push = 0.0  # m/s, change of velocity along the normal
     for k in range(3):
         push += (v1[k] - v0[k]) * normal[k]
-    across = np.empty(3)
+    across = np.empty(3)  # m/s, change of velocity across the normal
     size = 0.0
     for k in range(3):
         across[k] = v1[k] - v0[k] - push * normal[k]
         size += across[k] * across[k]
     size = math.sqrt(size)
-    approach = _speed_for(push, 1.0 + c[0], c[1], 1.0 + c[2])
-    slip = _speed_for(size, c[3], c[4], c[5])
+    approach = _speed_for(push, 1.0 + rubber.restitution, rubber.restitution_drop, 1.0 + rubber.restitution_least)
+    slip = _speed_for(size, rubber.tangential, rubber.tangential_drop, rubber.tangential_least)
     keep = slip / size if size > 0.0 else 0.0
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3

@@ -3,75 +3,109 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from tt_core.errors import TtError, check_range
+from tt_core.arrays import POSITION, SPIN, VELOCITY
+from tt_core.errors import BadChoice, check_range
+from tt_core.failures import Failure
+from tt_core.hit_windows import HIT_WINDOWS
 from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
-from .goal_relaxation import AS_ASKED, RelaxationParams, relax_goal
+from .failures import StrokeFailure
+from .goal_relaxation import Relaxation, RelaxationParams, Return, relax_goal
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
 
 MOST_CANDIDATES = 64  # points of a path at which a stroke is solved: a usual ball has 30
+_NEAR = HIT_WINDOWS["near"]
 
 
 @dataclass(frozen=True)
 class InterceptParams:
-    """The window in which the arm can put the racket, and how many points of the path in it are tried."""
+    """The window in which the ball is hit, how many points of the path in it are tried, and what orders the candidates."""
 
-    x_low: float = param(-0.40, "m", "a little more than dissertation Section 4.5.1: a later strike is one that the arm has time for")
-    x_high: float = param(0.0, "m", "dissertation Section 4.5.1")
-    y_low: float = param(0.25, "m", "where the arm reaches everything from its base")
-    y_high: float = param(1.275, "m", "")
-    z_low: float = param(0.12, "m", "the racket's edge clears the table")
-    z_high: float = param(0.55, "m", "")
-    spacing: float = param(0.012, "s", "between candidates", low=0.001, high=0.2)
-    racket_speed: float = param(3.5, "m/s", "the most that is offered to the arm", low=0.1, high=20.0)
-    traded: int = param(4, "", "points at which a return is searched that gives up some of the goal, 10 ms each at most", low=1, high=100)
-    landing_rms: float = param(0.5, "m", "as bad in the order of candidates as a racket at racket_speed", low=0.01, high=1000.0)
+    x_low: float = param(
+        _NEAR.x_low,
+        "m",
+        "lowest x of the ball at the hit; lower than in dissertation Section 4.5.1, because the arm has time for a later strike",
+        low=-2.0,
+        high=1.0,
+    )
+    x_high: float = param(_NEAR.x_high, "m", "highest x of the ball at the hit, dissertation Section 4.5.1", low=-2.0, high=1.0)
+    y_low: float = param(_NEAR.y_low, "m", "lowest y of the ball at the hit; the arm reaches everything from its base", low=-1.0, high=5.0)
+    y_high: float = param(
+        _NEAR.y_high, "m", "highest y of the ball at the hit; the arm reaches everything from its base", low=-1.0, high=5.0
+    )
+    z_low: float = param(_NEAR.z_low, "m", "lowest z of the ball at the hit; the racket's edge clears the table", low=0.0, high=5.0)
+    z_high: float = param(
+        _NEAR.z_high, "m", "highest z of the ball at the hit; the arm reaches everything from its base", low=0.0, high=5.0
+    )
+    spacing: float = param(0.012, "s", "time between two points of the path at which a stroke is tried", low=0.001, high=0.2)
+    racket_speed: float = param(3.5, "m/s", "highest racket speed of the strokes that are offered to the arm", low=0.1, high=20.0)
+    relaxed: int = param(
+        4,
+        "",
+        "points of the path at which a relaxed goal is searched when none gives the goal as asked; 10 ms each at most",
+        low=1,
+        high=100,
+    )
+    landing_rms: float = param(
+        0.5,
+        "m",
+        "landing error under typical strike errors that counts as much in the order of candidates as a racket at racket_speed",
+        low=0.01,
+        high=1000.0,
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
         check_range("x_low", self.x_low, -2.0, self.x_high)
-        check_range("x_high", self.x_high, self.x_low, 1.0)
         check_range("y_low", self.y_low, -1.0, self.y_high)
         check_range("z_low", self.z_low, 0.0, self.z_high)
 
     @classmethod
     def window(cls, name: str) -> InterceptParams:
-        """ "near": the dissertation's, to a later strike; "reachable": where the arm from its base reaches 99 % of random rackets.
+        """Return the default parameters with a window of `tt_core.hit_windows`.
 
-        Raises TtError for another name.
+        Args:
+            name: "near", the dissertation's to a later strike, or "reachable", where the arm reaches 99 % of random rackets.
+
+        Raises:
+            BadChoice: There is no window of that name.
         """
-        if name not in ("near", "reachable"):
-            raise TtError(f"window {name!r} is none of 'near', 'reachable'")
-        return cls() if name == "near" else cls(x_low=-0.70, y_low=0.20, y_high=1.325, z_high=0.70)
+        if name not in HIT_WINDOWS:
+            raise BadChoice("window", name, tuple(HIT_WINDOWS))
+        return cls(**HIT_WINDOWS[name]._asdict())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """strokes: solved, in order of preference. refused: for each point of the path that did not give the goal as asked, the ball there and
-    why. given: for each stroke what of the goal it gives up, AS_ASKED for nothing."""
+    """What there is to return a ball with.
+
+    Attributes:
+        strokes: Solved, in order of preference.
+        refused: The points of the path at which the goal as asked has no stroke: the ball there and the reason.
+        relaxed: For each stroke what it gives up of the asked goal.
+    """
 
     strokes: tuple[Stroke, ...]
-    refused: tuple[tuple[BallState, str], ...]
-    given: tuple[str, ...] = ()
+    refused: tuple[tuple[BallState, Failure], ...]
+    relaxed: tuple[Relaxation, ...] = ()
 
-
-def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
-    """The ball at the times at which it may be hit: after its one bounce, in the window; at most MOST_CANDIDATES, evenly taken."""
-    if len(path.bounces) != 1:
-        return []
-    times = np.arange(path.bounces[0].time + params.spacing, path.times[-1], params.spacing)
-    rows = path.rows(times)
-    low, high = (params.x_low, params.y_low, params.z_low), (params.x_high, params.y_high, params.z_high)
-    inside = np.flatnonzero(((rows[:, :3] >= low) & (rows[:, :3] <= high)).all(axis=1))
-    inside = inside[:: max(1, math.ceil(len(inside) / MOST_CANDIDATES))]
-    return [BallState.trusted(float(times[i]), rows[i, :3], rows[i, 3:6], rows[i, 6:]) for i in inside]
+    @property
+    def reason(self) -> Failure | None:
+        """Why there is no stroke, the commonest reason of those refused; None if there is one."""
+        if self.strokes:
+            return None
+        counts = Counter(failure.code for _, failure in self.refused)
+        commonest = max(counts, key=lambda code: counts[code], default=None)
+        return next((failure for _, failure in self.refused if failure.code is commonest), Failure(StrokeFailure.NO_HIT_POINT))
 
 
 def intercept(
@@ -79,34 +113,69 @@ def intercept(
     goal: ReturnGoal,
     physics: Physics,
     params: InterceptParams,
-    trade: RelaxationParams | None = None,
+    relaxation: RelaxationParams | None = None,
     errors: StrikeErrorParams | None = None,
 ) -> Candidates:
-    """Every hit point solved for the goal, best first: slow rackets, because the arm's speed is what runs out first, and returns that land
-    near the goal in spite of `errors`. When no point gives the goal as asked, `traded` of them give up what `trade` says, and what comes
-    first in its order comes first.
+    """Find the strokes that return the ball.
+
+    Args:
+        path: The predicted path.
+        goal: As asked.
+        physics: Models.
+        params: Where strokes are tried, and their order.
+        relaxation: What is given up if no point of the path gives the goal as asked.
+        errors: Standard deviations at the strike, for the order.
+
+    Returns:
+        The strokes, best first: those that give up what comes first in the order of `relaxation`, and among these slow rackets, because the
+        arm's speed is what runs out first, and returns that land near the goal in spite of `errors`.
     """
-    errors, refused = errors or StrikeErrorParams(), []
-    order: list[tuple[int, float, Stroke, str]] = []
+    relaxation, errors = relaxation or RelaxationParams(), errors or StrikeErrorParams()
     balls = hit_points(path, params)
+    tried = as_asked(balls, goal, physics, params)
+    returns = [one for one in tried if one.stroke.racket is not None]
+    refused = tuple((one.ball, one.stroke.reason) for one in tried if one.stroke.reason is not None)
+    if not returns:
+        returns = relaxed(balls, goal, physics, params, relaxation)
+    returns = ordered(returns, physics, params, relaxation, errors)
+    return Candidates(tuple(one.stroke for one in returns), refused, tuple(one.relaxation for one in returns))
 
-    def cost(ball: BallState, stroke: Stroke, time: float) -> float:
-        assert stroke.racket is not None
-        speed = math.hypot(*stroke.racket.velocity.tolist()) / params.racket_speed
-        return speed + landing_rms(ball, stroke, time, physics, errors) / params.landing_rms
 
-    for ball in balls:
-        stroke = solve(ball, goal, physics, racket_speed=params.racket_speed)
-        if stroke.racket:
-            order.append((0, cost(ball, stroke, goal.flight_time), stroke, AS_ASKED))
-        else:
-            refused.append((ball, stroke.reason or ""))
-    if not order:
-        trade = trade or RelaxationParams()
-        for ball in balls[:: max(1, len(balls) // params.traded)]:
-            choice = relax_goal(ball, goal, physics, trade, params.racket_speed)
-            if choice.stroke.racket:
-                rank = choice.name.count("and") * len(trade.order) + trade.order.index(choice.name.split()[-1])
-                order.append((rank, cost(ball, choice.stroke, choice.goal.flight_time), choice.stroke, f"{choice.name}: {choice.given}"))
-    order.sort(key=lambda one: one[:2])
-    return Candidates(tuple(one[2] for one in order), tuple(refused), tuple(one[3] for one in order))
+def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
+    """Return the ball where it may be hit: after its only bounce, in the window, at most MOST_CANDIDATES times, evenly taken."""
+    if len(path.bounces) != 1:
+        return []
+    times = np.arange(path.bounces[0].time + params.spacing, path.times[-1], params.spacing)
+    rows = path.rows(times)
+    low, high = (params.x_low, params.y_low, params.z_low), (params.x_high, params.y_high, params.z_high)
+    inside = np.flatnonzero(((rows[:, POSITION] >= low) & (rows[:, POSITION] <= high)).all(axis=1))
+    inside = inside[:: max(1, math.ceil(len(inside) / MOST_CANDIDATES))]
+    return [BallState.trusted(float(times[i]), rows[i, POSITION], rows[i, VELOCITY], rows[i, SPIN]) for i in inside]
+
+
+def as_asked(balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams) -> list[Return]:
+    """Solve the goal as asked for each ball."""
+    return [Return(ball, goal, solve(ball, goal, physics, racket_speed=params.racket_speed)) for ball in balls]
+
+
+def relaxed(
+    balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams, relaxation: RelaxationParams
+) -> list[Return]:
+    """Relax the goal for about `params.relaxed` of the balls, evenly taken, and return the returns that are feasible."""
+    some = balls[:: max(1, len(balls) // params.relaxed)]
+    found = (relax_goal(ball, goal, physics, relaxation, params.racket_speed) for ball in some)
+    return [one for one in found if one.stroke.racket is not None]
+
+
+def ordered(
+    returns: Sequence[Return], physics: Physics, params: InterceptParams, relaxation: RelaxationParams, errors: StrikeErrorParams
+) -> list[Return]:
+    """Return the returns, which all have a racket, best first."""
+
+    def cost(one: Return) -> tuple[int, float]:
+        assert one.stroke.racket is not None
+        speed = math.hypot(*one.stroke.racket.velocity.tolist()) / params.racket_speed
+        off = landing_rms(one.ball, one.stroke, one.goal.flight_time, physics, errors) / params.landing_rms
+        return one.relaxation.rank(relaxation.order), speed + off
+
+    return sorted(returns, key=cost)

@@ -1,4 +1,4 @@
-"""Publishes the strokes that return each predicted ball to the goal."""
+"""Publish the strokes that return each predicted ball to the goal."""
 
 from __future__ import annotations
 
@@ -32,9 +32,7 @@ LARGEST_GOAL = 4096  # bytes: one point has 200
 class RacketParams:
     """Where strokes are looked for."""
 
-    window: str = param(
-        "near", "", "defaults of the hit window: near the table, or all that the arm reaches", choices=("near", "reachable")
-    )
+    window: str = param("near", "", "default hit window: near the table, or all that the arm reaches", choices=("near", "reachable"))
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -42,19 +40,20 @@ class RacketParams:
 
 
 class RacketNode(Node):
-    """ball/path and /return/goal -> /racket/strokes. Until a goal arrives, the goal answers the ball's spin."""
+    """Subscribe to ball/path and return/goal, publish racket/strokes. Until a goal arrives, the default goal for the spin is used."""
 
     def __init__(self) -> None:
+        """Declare parameters, load the kernels, then subscribe."""
         super().__init__("racket")
         self.physics = declare_physics(self)
         self.params = declare(self, InterceptParams.window(declare(self, RacketParams).window))
         self.goal_params = declare(self, GoalParams, "goal.", changed=self.on_goal_params)
-        self.trade = declare(self, RelaxationParams, "trade.")
+        self.relaxation = declare(self, RelaxationParams, "relaxation.")
         self.errors = declare(self, StrikeErrorParams, "errors.")
         self.goal: ReturnGoal | None = None
         ball = BallState(0.0, np.array([-0.15, 0.7, 0.25]), np.array([-4.0, 0.0, 0.3]), np.array([0.0, -150.0, 0.0]))
         goal = default_goal(ball.spin, self.goal_params)
-        BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)  # loads the kernels, as does
+        BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)  # loads its kernel
         landing_rms(ball, solve(ball, goal, self.physics), goal.flight_time, self.physics, self.errors)
         self.status = Status(self)
         self.strokes = self.create_publisher(MultiDOFJointTrajectory, "racket/strokes", LATEST)
@@ -69,27 +68,36 @@ class RacketNode(Node):
         self.goal_params = params
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
+        """Use the goal from the next path on."""
         try:
             self.goal = goal_from_message(message)
         except TtError as error:
             self.bad_goals(error)
 
     def on_path(self, message: MultiDOFJointTrajectory) -> None:
+        """Find the strokes and publish them."""
         try:
             path = path_from_message(message)
             goal = self.goal or default_goal(path.spins[0], self.goal_params)
-            found = intercept(path, goal, self.physics, self.params, self.trade, self.errors)
+            found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors)
             rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
             self.strokes.publish(strokes_to_message(rackets, path.times[0]))
         except TtError as error:
             self.bad_paths(error)
             return
-        why = sorted({reason for _, reason in found.refused}) or ["the path has no point in the window"] * (not rackets)
-        given = found.given[0] if found.given else ""
-        self.status.tell(Event.STROKES, stamp=path.times[0], warn=not rackets, found=len(rackets), given=given, refused="; ".join(why))
+        self.status.tell(
+            Event.STROKES,
+            stamp=path.times[0],
+            warn=not rackets,
+            reason=found.reason,
+            found=len(rackets),
+            relaxed=found.relaxed[0] if found.relaxed else "",
+            refused="; ".join(sorted({str(failure) for _, failure in found.refused})),
+        )
 
 
 def main() -> None:
+    """Run the node."""
     run(RacketNode)
 
 

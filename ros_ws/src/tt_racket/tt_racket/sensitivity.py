@@ -8,23 +8,37 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import POSITION, SPIN, VELOCITY, VX, VY, VZ, Array, X, Y, Z
 from tt_core.bounce import rebound_racket
 from tt_core.flight import fly_into
 from tt_core.params import check, param
-from tt_core.physics import Physics
-from tt_core.states import Array, BallState
+from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
+from tt_core.states import BallState
 
-from .stroke import COARSE_STEP, Stroke
+from .shooting import COARSE_STEP
+from .stroke import Stroke
+
+# elements of a strike (11,): what is not exact at the strike
+RACKET_VELOCITY, ALPHA, BETA, BALL_VELOCITY, BALL_SPIN = slice(0, 3), 3, 4, slice(5, 8), slice(8, 11)
+STRIKE_SIZE = 11
 
 
 @dataclass(frozen=True)
 class StrikeErrorParams:
     """Standard deviations at the strike, each axis alike; assumptions of the order that measurement and arm reach."""
 
-    racket_velocity: float = param(0.03, "m/s", "", low=0.0, high=1.0)
-    racket_angle: float = param(0.01, "rad", "about each of the two axes of the face", low=0.0, high=0.5)
-    ball_velocity: float = param(0.05, "m/s", "", low=0.0, high=2.0)
-    ball_spin: float = param(15.0, "rad/s", "", low=0.0, high=500.0)
+    racket_velocity: float = param(
+        0.03, "m/s", "standard deviation of the racket's velocity at the strike, on each axis; an assumption", low=0.0, high=1.0
+    )
+    racket_angle: float = param(
+        0.01, "rad", "standard deviation of the face's angle at the strike, about each of its two axes; an assumption", low=0.0, high=0.5
+    )
+    ball_velocity: float = param(
+        0.05, "m/s", "standard deviation of the ball's velocity at the strike, on each axis; an assumption", low=0.0, high=2.0
+    )
+    ball_spin: float = param(
+        15.0, "rad/s", "standard deviation of the ball's spin at the strike, about each axis; an assumption", low=0.0, high=500.0
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -32,37 +46,54 @@ class StrikeErrorParams:
 
     @cached_property
     def sigmas(self) -> Array:
-        """(11,) of racket velocity, two angles, ball velocity, ball spin."""
+        """Standard deviations (11,) of racket velocity, two angles of the face, ball velocity, ball spin."""
         return np.repeat([self.racket_velocity, self.racket_angle, self.ball_velocity, self.ball_spin], [3, 2, 3, 3])
 
 
 @njit(cache=True)
-def landing_covariance(
-    ball: Array, velocity: Array, alpha: float, beta: float, flight_time: float, sigmas: Array, air: Array, rubber: Array
-) -> Array:
-    """(2, 2) m^2 of the place where the ball comes down to the height of the goal: linear, by differences of one sigma.
+def _land(
+    position: Array, strike: Array, flight_time: float, physics: PhysicsCoefficients, ball: Array, normal: Array, work: Array
+) -> tuple[float, float]:
+    """Return x and y (m) where the ball comes down to the height of the goal.
 
-    ball (9,) at the hit; racket by velocity and angles; sigmas (11,) as of StrikeErrorParams.
+    Args:
+        position: (3,) m, of the ball at the hit.
+        strike: (11,) racket velocity, alpha, beta, ball velocity, ball spin.
+        flight_time: s, to the goal. From there on the ball goes straight on along its velocity.
+        physics: Models.
+        ball: (9,) scratch.
+        normal: (3,) scratch.
+        work: (8, 3) scratch.
     """
-    out, work, aim = np.zeros((2, 2)), np.empty((8, 3)), np.zeros(2)
-    state, end, racket, normal = np.empty(9), np.empty(9), np.empty(3), np.empty(3)
-    for i in range(-1, 11):  # -1: none
-        state[:], racket[:], a, b = ball, velocity, alpha, beta
-        if i >= 5:
-            state[i - 2] += sigmas[i]
-        elif i == 4:
-            b += sigmas[i] / math.cos(alpha)
-        elif i == 3:
-            a += sigmas[i]
-        elif i >= 0:
-            racket[i] += sigmas[i]
-        normal[0], normal[1], normal[2] = math.sin(b) * math.cos(a), -math.sin(a), math.cos(b) * math.cos(a)
-        rebound_racket(state[3:6], state[6:9], racket, normal, rubber)
-        fly_into(state, flight_time, air, COARSE_STEP, end, work)
-        x, y = end[0] - end[2] * end[3] / end[5], end[1] - end[2] * end[4] / end[5]  # on along its velocity to the height of the goal
-        if i < 0:
-            aim[0], aim[1] = x, y
-        dx, dy = x - aim[0], y - aim[1]
+    alpha, beta = strike[ALPHA], strike[BETA]
+    ball[POSITION], ball[VELOCITY], ball[SPIN] = position, strike[BALL_VELOCITY], strike[BALL_SPIN]
+    normal[0], normal[1], normal[2] = math.sin(beta) * math.cos(alpha), -math.sin(alpha), math.cos(beta) * math.cos(alpha)
+    rebound_racket(ball[VELOCITY], ball[SPIN], strike[RACKET_VELOCITY], normal, physics.racket)
+    fly_into(ball, flight_time, physics.air, COARSE_STEP, ball, work)
+    return ball[X] - ball[Z] * ball[VX] / ball[VZ], ball[Y] - ball[Z] * ball[VY] / ball[VZ]
+
+
+@njit(cache=True)
+def landing_covariance(position: Array, strike: Array, sigmas: Array, flight_time: float, physics: PhysicsCoefficients) -> Array:
+    """Return the covariance of the landing place, linear, by differences of one standard deviation.
+
+    Args:
+        position: (3,) m, of the ball at the hit.
+        strike: (11,) racket velocity, alpha, beta, ball velocity, ball spin.
+        sigmas: (11,) `StrikeErrorParams.sigmas`, of the same.
+        flight_time: s, to the goal.
+        physics: Models.
+
+    Returns:
+        (2, 2) m^2 of x and y.
+    """
+    out, work, ball, normal, moved = np.zeros((2, 2)), np.empty((8, 3)), np.empty(9), np.empty(3), np.empty(STRIKE_SIZE)
+    x, y = _land(position, strike, flight_time, physics, ball, normal, work)
+    for i in range(STRIKE_SIZE):
+        moved[:] = strike
+        moved[i] += sigmas[i] / math.cos(strike[ALPHA]) if i == BETA else sigmas[i]
+        moved_x, moved_y = _land(position, moved, flight_time, physics, ball, normal, work)
+        dx, dy = moved_x - x, moved_y - y
         out[0, 0] += dx * dx
         out[0, 1] += dx * dy
         out[1, 1] += dy * dy
@@ -70,19 +101,43 @@ def landing_covariance(
     return out
 
 
-def landing_rms(ball: BallState, stroke: Stroke, flight_time: float, physics: Physics, errors: StrikeErrorParams) -> float:
-    """m, root mean square distance of landings from the goal under `errors`; inf for a stroke without a racket."""
-    if stroke.racket is None:
-        return math.inf
-    racket = stroke.racket
-    covariance = landing_covariance(
-        ball.vector,
-        racket.velocity,
-        racket.alpha,
-        racket.beta,
-        flight_time,
-        errors.sigmas,
-        physics.air.coefficients,
-        physics.racket.coefficients,
-    )
+@njit(cache=True)
+def _landing_rms_entry(
+    position: Array,
+    velocity: Array,
+    spin: Array,
+    racket_velocity: Array,
+    angles: tuple[float, float],
+    sigmas: Array,
+    flight_time: float,
+    physics: Array,
+) -> float:
+    """Return the root mean square of `landing_covariance` in m, for arguments from Python: the ball, the racket, alpha and beta."""
+    strike = np.empty(STRIKE_SIZE)
+    strike[RACKET_VELOCITY], strike[BALL_VELOCITY], strike[BALL_SPIN] = racket_velocity, velocity, spin
+    strike[ALPHA], strike[BETA] = angles
+    covariance = landing_covariance(position, strike, sigmas, flight_time, physics_coefficients(physics))
     return math.sqrt(covariance[0, 0] + covariance[1, 1])
+
+
+def landing_rms(ball: BallState, stroke: Stroke, flight_time: float, physics: Physics, errors: StrikeErrorParams) -> float:
+    """Return how far returns land from the goal when strikes have errors.
+
+    Args:
+        ball: At the hit.
+        stroke: For this ball.
+        flight_time: s, of its goal.
+        physics: Models.
+        errors: Standard deviations at the strike.
+
+    Returns:
+        Root mean square distance in m; inf for a stroke without a racket.
+    """
+    racket = stroke.racket
+    if racket is None:
+        return math.inf
+    angles = racket.alpha, racket.beta
+    rms = _landing_rms_entry(
+        ball.position, ball.velocity, ball.spin, racket.velocity, angles, errors.sigmas, flight_time, physics.coefficients
+    )
+    return float(rms)

@@ -19,7 +19,8 @@ from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.so3 import rotation_matrix
 from tt_core.states import Array, BallState
-from tt_vision.camera import Camera, project_point, ray
+from tt_vision.camera import Camera
+from tt_vision.projection import project_point, ray, to_camera, unpack_camera
 
 SAMPLES = 16  # rays a pixel, each at its own instant of the exposure: 0.5 grey levels rms
 FACE = 256  # texels along one face of the cube of a texture, 0.2 pixels in the image
@@ -232,15 +233,16 @@ def _kernel(sigma: float) -> npt.NDArray[np.float32]:
 @njit(cache=True, nogil=True)
 def _box(camera: np.ndarray, size: tuple[int, int], state: np.ndarray, exposure: float) -> tuple[int, int, int, int]:
     """First and past-last column and row that the ball can touch, the same ones when it is out of view. size: rows, columns."""
-    low, high, nearest = np.full(2, np.inf), np.full(2, -np.inf), np.inf
+    model, low, high, nearest = unpack_camera(camera), np.full(2, np.inf), np.full(2, -np.inf), np.inf
     for side in (-0.5, 0.5):
-        p = camera[:9].copy().reshape(3, 3) @ (state[:3] + side * exposure * state[3:6]) + camera[9:12]
-        if p[2] < 2.0 * BALL_RADIUS:
+        p = state[:3] + side * exposure * state[3:6]
+        x, y, z = to_camera(model, p[0], p[1], p[2])
+        if z < 2.0 * BALL_RADIUS:
             return 0, 0, 0, 0
-        nearest = min(nearest, p[2])
-        for k, at in enumerate(project_point(camera, p[0], p[1], p[2])):
+        nearest = min(nearest, z)
+        for k, at in enumerate(project_point(model.optics, x, y, z)):
             low[k], high[k] = min(low[k], at), max(high[k], at)
-    reach = 1.1 * camera[12] * BALL_RADIUS / nearest + 3.0
+    reach = 1.1 * model.optics.focal * BALL_RADIUS / nearest + 3.0
     u0, v0 = max(0, math.floor(low[0] - reach)), max(0, math.floor(low[1] - reach))
     u1, v1 = min(size[1], math.ceil(high[0] + reach) + 1), min(size[0], math.ceil(high[1] + reach) + 1)
     return (u0, u1, v0, v1) if u0 < u1 and v0 < v1 else (0, 0, 0, 0)
@@ -262,11 +264,11 @@ def _axes(camera: np.ndarray, state: np.ndarray) -> np.ndarray:
 @njit(cache=True, nogil=True)
 def _corners(camera: np.ndarray, axes: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
     """(rows + 1, columns + 1, 2) X/Z and Y/Z, in the frame of the sight, of the rays through the corners of the pixels of the box."""
-    turn = axes @ camera[:9].copy().reshape(3, 3).T
+    turn, optics = axes @ camera[:9].copy().reshape(3, 3).T, unpack_camera(camera).optics
     corners = np.empty((box[3] - box[2] + 1, box[1] - box[0] + 1, 2))
     for v in range(corners.shape[0]):
         for u in range(corners.shape[1]):
-            x, y = ray(camera, box[0] + u - 0.5, box[2] + v - 0.5)
+            x, y = ray(optics, box[0] + u - 0.5, box[2] + v - 0.5)
             z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2]
             corners[v, u, 0] = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2]) / z
             corners[v, u, 1] = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2]) / z

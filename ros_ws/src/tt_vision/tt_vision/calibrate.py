@@ -1,6 +1,7 @@
-"""ros2 run tt_vision calibrate points FILE | board IMAGE...: a camera's calibration, its residuals and a picture of them.
+"""Calibrate a camera from known points or from images of a board: ros2 run tt_vision calibrate points FILE | board IMAGE...
 
-Writes NAME.yaml, which camera_info_manager reads, NAME_pose.yaml, parameters for estimate_node, and NAME_residuals.png.
+Writes NAME.yaml, which camera_info_manager reads, NAME_pose.yaml, which holds parameters of estimate_node, and NAME_residuals.png, which
+shows the residuals.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,8 +27,26 @@ from .rig import PIXEL_SIZE
 ENLARGED = 50.0  # times, the residuals in the picture
 
 
-def from_points(path: Path, args: argparse.Namespace) -> tuple[Camera, Array, Array]:
-    """(camera, (n, 3) m, (n, 2) pixels) from a file of rows x, y, z, u, v."""
+class Calibrated(NamedTuple):
+    """A camera, and what it was calibrated from.
+
+    Attributes:
+        camera: The camera.
+        points: (n, 3) m in `table`.
+        pixels: (n, 2), where they were seen.
+    """
+
+    camera: Camera
+    points: Array
+    pixels: Array
+
+
+def from_points(path: Path, args: argparse.Namespace) -> Calibrated:
+    """Calibrate a camera from a file of rows x, y, z (m), u, v (pixels), separated by commas.
+
+    Raises:
+        TtError: The file cannot be read, or its points do not determine a camera.
+    """
     try:
         rows = np.loadtxt(path, delimiter=",", ndmin=2, comments="#")
     except (OSError, ValueError) as error:
@@ -44,15 +64,18 @@ def from_points(path: Path, args: argparse.Namespace) -> tuple[Camera, Array, Ar
         distortion=args.distortion,
         method=args.method,
     )
-    return camera, points, pixels
+    return Calibrated(camera, points, pixels)
 
 
-def from_board(paths: Sequence[Path], args: argparse.Namespace) -> tuple[Camera, Array, Array]:
-    """(camera, (n, 3) m, (n, 2) pixels) from images of a chess board, by OpenCV.
+def from_board(paths: Sequence[Path], args: argparse.Namespace) -> Calibrated:
+    """Calibrate a camera from images of a chess board, by OpenCV.
 
-    In the first image the board lies flat, its first corner at --origin, its rows along x and its columns along -y of `table`, as OpenCV
-    finds the corners from above: that is the pose. The others give the focal length, the principal point and, when asked for, the
+    The first image gives the pose: the board lies flat in it, with its first corner at --origin, its rows along x and its columns along -y
+    of `table`, as OpenCV finds the corners from above. All images give the focal length, the principal point and, if asked for, the
     distortion. Images without the whole board are left out.
+
+    Raises:
+        TtError: A file is no image, the images differ in size, the first one does not show the board, or fewer than three do.
     """
     size = (args.columns, args.rows)
     grid = np.zeros((args.columns * args.rows, 3), dtype=np.float32)
@@ -84,11 +107,11 @@ def from_board(paths: Sequence[Path], args: argparse.Namespace) -> tuple[Camera,
     camera = Camera.from_matrix(rotation, translation, inner, shape[1], shape[0], outer, args.pixel_size)
     placed = [cv2.Rodrigues(turn)[0] @ grid.T + shift for turn, shift in zip(turns, shifts, strict=True)]  # in the camera's frame
     points = np.hstack(placed).T
-    return camera, (points - camera.translation) @ camera.rotation, np.concatenate(seen).astype(np.float64)
+    return Calibrated(camera, (points - camera.translation) @ camera.rotation, np.concatenate(seen).astype(np.float64))
 
 
 def intrinsics(camera: Camera, name: str) -> dict:
-    """What camera_info_manager reads."""
+    """Return what camera_info_manager reads: the intrinsics of a camera of that name."""
 
     def matrix(values: Array) -> dict:
         return {"rows": values.shape[0], "cols": values.shape[1], "data": values.ravel().tolist()}
@@ -106,13 +129,22 @@ def intrinsics(camera: Camera, name: str) -> dict:
 
 
 def pose(camera: Camera, name: str) -> dict:
-    """Parameters of estimate_node."""
+    """Return the parameters of estimate_node that hold the pose of a camera of that name."""
     values = {f"{name}.rotation": camera.rotation.ravel().tolist(), f"{name}.translation": camera.translation.tolist()}
     return {"estimate": {"ros__parameters": values}}
 
 
 def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
-    """(h, w, 3) uint8: where points were seen and, ENLARGED times, how far from there the calibrated camera puts them."""
+    """Draw the residuals.
+
+    Args:
+        camera: The calibrated camera.
+        pixels: (n, 2), where the points were seen.
+        misses: (n, 2) pixels, from there to where the camera puts them; drawn ENLARGED times.
+
+    Returns:
+        (h, w, 3) uint8.
+    """
     zoom = max(1.0, 900.0 / camera.width)
     image = np.full((round(camera.height * zoom), round(camera.width * zoom), 3), 255, dtype=np.uint8)
     for at, miss in zip(pixels, misses, strict=True):
@@ -125,24 +157,30 @@ def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--name", default="left", help="of the camera and of the files (default left)")
+    parser.add_argument("--name", default="left", help="name of the camera and of the files (default left)")
     parser.add_argument("--out", type=Path, default=Path(), help="directory of the files (default here)")
-    parser.add_argument("--pixel-size", type=float, default=PIXEL_SIZE, help="m")
+    parser.add_argument("--pixel-size", type=float, default=PIXEL_SIZE, help="size of a pixel, m (default 20e-6)")
     parser.add_argument("--distortion", action="store_true", help="estimate k1 and k2")
     kinds = parser.add_subparsers(dest="kind", required=True)
     known = kinds.add_parser("points", help="rows of x, y, z in m and u, v in pixels, separated by commas")
     known.add_argument("file", type=Path)
-    known.add_argument("--width", type=int, default=232, help="pixels")
-    known.add_argument("--height", type=int, default=232, help="pixels")
-    known.add_argument("--focal-length", type=float, help="m, when known")
-    known.add_argument("--method", choices=("nonlinear", "linear"), default="nonlinear", help="(B.66-B.71) or (B.77-B.87)")
+    known.add_argument("--width", type=int, default=232, help="of the image, pixels (default 232)")
+    known.add_argument("--height", type=int, default=232, help="of the image, pixels (default 232)")
+    known.add_argument("--focal-length", type=float, help="focal length, m; estimated without")
+    known.add_argument(
+        "--method",
+        choices=("nonlinear", "linear"),
+        default="nonlinear",
+        help="least squares in the image, (B.66) to (B.71), or the linear solution, (B.77) to (B.87)",
+    )
     board = kinds.add_parser("board", help="images of a chess board; the first one with the board flat on the table")
     board.add_argument("images", type=Path, nargs="+")
     board.add_argument("--columns", type=int, default=9, help="inner corners in a row")
     board.add_argument("--rows", type=int, default=6, help="inner corners in a column")
-    board.add_argument("--square", type=float, required=True, help="m, side of a square")
-    board.add_argument("--origin", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="m, first inner corner of the first image in `table`")
+    board.add_argument("--square", type=float, required=True, help="side of a square, m")
+    board.add_argument("--origin", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="first inner corner of the first image in `table`, m")
     args = parser.parse_args()
     try:
         camera, points, pixels = from_points(args.file, args) if args.kind == "points" else from_board(args.images, args)
@@ -157,7 +195,7 @@ def main() -> None:
     length = np.linalg.norm(misses, axis=1)
     table = Table("points", "rms pixels", "worst pixels", "focal length mm", "principal point", "k1, k2", "position m")
     u, v = camera.matrix[:2, 2]
-    k1, k2 = camera.vector[15:17]
+    k1, k2 = camera.distortion[:2]  # type: ignore[index]
     position = ", ".join(f"{x:.4f}" for x in camera.position)
     rms, worst = f"{np.sqrt((length**2).mean()):.4f}", f"{length.max():.4f}"
     table.add_row(str(len(points)), rms, worst, f"{1e3 * camera.focal_length:.3f}", f"{u:.1f}, {v:.1f}", f"{k1:.3f}, {k2:.3f}", position)

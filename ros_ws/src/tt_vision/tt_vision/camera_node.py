@@ -1,4 +1,4 @@
-"""Publishes the images of both high speed cameras, from devices, videos, a folder or a bag."""
+"""Publish the images of both high speed cameras, from devices, videos, a folder or a bag."""
 
 from __future__ import annotations
 
@@ -23,19 +23,23 @@ from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, SENSOR
 
 from .capture.devices import DeviceCounts, DeviceParams
-from .capture.sources import SIDES, Calibration, Shot, SourceError, SourceParams, calibrations, shots
-from .rig import high_speed_pair
+from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
+from .rig import SIDES, high_speed_pair
 
 
 @dataclass(frozen=True)
 class PlayParams:
     """How the images are published."""
 
-    speed: float = param(1.0, "", "recorded seconds in a second; 0: as fast as they are read", low=0.0, high=100.0)
-    restamp: bool = param(False, "", "stamps are moved so that the first image is now")
-    loop: bool = param(False, "", "starts again at the end")
+    speed: float = param(1.0, "", "speed of a recording, recorded seconds per second; 0: as fast as it is read", low=0.0, high=100.0)
+    restamp: bool = param(False, "", "whether the stamps of a recording are shifted so that its first image is taken now")
+    loop: bool = param(False, "", "whether a recording starts again at its end")
     wait: float = param(
-        30.0, "s", "at most, for a node that listens to both cameras, as long as one may take to start", low=0.0, high=3600.0
+        30.0,
+        "s",
+        "longest time to wait for a subscriber of both cameras before the first image; a node may take as long to start",
+        low=0.0,
+        high=3600.0,
     )
 
     def __post_init__(self) -> None:
@@ -45,16 +49,20 @@ class PlayParams:
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A camera and its lens."""
+    """Intrinsics of a camera."""
 
-    matrix: tuple[float, ...] = param((0.0,) * 9, "pixels", "camera matrix K, by rows")
-    distortion: tuple[float, ...] = param((0.0,) * 5, "", "distortion k1, k2, p1, p2, k3")
+    matrix: tuple[float, ...] = param((0.0,) * 9, "pixels", "camera matrix K, by rows", low=-1e6, high=1e6)
+    distortion: tuple[float, ...] = param((0.0,) * 5, "", "distortion coefficients k1, k2, p1, p2, k3", low=-1e6, high=1e6)
 
 
 class CameraNode(Node):
-    """-> /camera/{left,right}/image_raw and camera_info. The intrinsics are {left,right}.matrix (9) and .distortion, or the bag's."""
+    """Publish camera/{left,right}/image_raw and camera_info.
+
+    The intrinsics are the parameters {left,right}.matrix and {left,right}.distortion, or those of the bag.
+    """
 
     def __init__(self) -> None:
+        """Declare parameters, read the first image, then publish in a thread of its own."""
         super().__init__("camera")
         self.source, self.play, self.device = declare(self, SourceParams), declare(self, PlayParams), declare(self, DeviceParams, "device.")
         self.counts = DeviceCounts()
@@ -77,28 +85,31 @@ class CameraNode(Node):
         self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]
         self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in SIDES]
         answer_clock_pings(self)
-        with closing(self.shots()) as source:
-            first = next(source)  # what cannot be read ends the node here
+        with closing(self.read_images()) as source:
+            first = next(source)  # a source that cannot be read ends the node here
         self.size = first.image.shape
         self.publish_info(self.size[1], self.size[0])
         if self.source.kind == "device":
             self.create_timer(1.0, lambda: self.status.tell("capturing", **asdict(self.counts)))
         threading.Thread(target=self.publish_all, daemon=True).start()
 
-    def shots(self) -> Generator[Shot, None, None]:
-        return shots(self.source, self.now, self.device, self.counts)
+    def read_images(self) -> Generator[StampedImage, None, None]:
+        """Read the source from its beginning."""
+        return read_images(self.source, self.now, self.device, self.counts)
 
     def now(self) -> float:
+        """Return the time of the node, s."""
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
     def publish_info(self, width: int, height: int) -> None:
+        """Publish the calibration of both cameras. width, height: of their images, pixels."""
         for publisher, calibration, name in zip(self.infos, self.calibrations, SIDES, strict=True):
             matrix = calibration.matrix.copy()
             matrix[:2, 2] -= self.device.region[:2]
             publisher.publish(camera_to_message(width, height, matrix, calibration.distortion, f"{name}_optical"))
 
     def publish_all(self) -> None:
-        """Until the end of the source, or of the node."""
+        """Publish the source until its end, or until the end of the node."""
         end = time.monotonic() + self.play.wait
         while time.monotonic() < end and not all(is_heard(self, publisher) for publisher in self.images):
             time.sleep(0.05)
@@ -114,16 +125,17 @@ class CameraNode(Node):
                 raise
 
     def publish_once(self) -> int:
+        """Publish the source from its beginning to its end; return the number of images."""
         count, start, shift = 0, time.monotonic(), 0.0
-        first: Shot | None = None
-        for shot in self.shots():
-            if shot.image.shape != self.size:
-                raise SourceError(f"image of {SIDES[shot.side]} has shape {shot.image.shape}, the first one {self.size}")
+        first: StampedImage | None = None
+        for image in self.read_images():
+            if image.image.shape != self.size:
+                raise SourceError(f"image of {SIDES[image.side]} has shape {image.image.shape}, the first one {self.size}")
             if first is None:
-                first, shift = shot, self.now() - shot.time if self.play.restamp else 0.0
+                first, shift = image, self.now() - image.time if self.play.restamp else 0.0
             if self.play.speed and self.source.kind != "device":
-                time.sleep(max(0.0, (shot.time - first.time) / self.play.speed - (time.monotonic() - start)))
-            self.images[shot.side].publish(image_to_message(shot.image, shot.time + shift, f"{SIDES[shot.side]}_optical"))
+                time.sleep(max(0.0, (image.time - first.time) / self.play.speed - (time.monotonic() - start)))
+            self.images[image.side].publish(image_to_message(image.image, image.time + shift, f"{SIDES[image.side]}_optical"))
             count += 1
             if not self.context.ok():
                 break
@@ -131,6 +143,7 @@ class CameraNode(Node):
 
 
 def main() -> None:
+    """Run the node."""
     run(CameraNode)
 
 

@@ -1,9 +1,10 @@
-"""Publishes where each ball is, how fast and with what spin, from the images of the two high speed cameras, or of one."""
+"""Publish position, velocity and spin of each ball, measured from the images of the two high speed cameras, or of one."""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
 from typing import Any
 
@@ -13,6 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.constants import RPM
 from tt_core.errors import BadShape, TtError
+from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
@@ -24,38 +26,51 @@ from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
 from .camera import Camera
-from .capture.burst import SIDES, Assembler, Burst, BurstParams
-from .detection.illumination import Lamps
-from .detection.lens_correction import Lens
-from .measure import measure, warm
-from .rig import high_speed_pair
+from .capture.assembler import Assembler, BurstParams
+from .capture.burst import Burst
+from .detection.illumination import CalibratedLamps
+from .detection.lens_correction import Lens, straighten
+from .measure import measure_burst
+from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
+from .warm import warm
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
+
+
+class BurstReason(Enum):
+    """Why a burst is not measured at all: codes of `tt_core.failures.Failure`."""
+
+    NO_CAMERA_INFO = "no camera_info yet"
+    UNUSABLE = "{error}"
 
 
 @dataclass(frozen=True)
 class EstimateParams:
     """How the ball is measured."""
 
-    fast: bool = param(False, "", "measure in less time, with larger errors of the spin")
+    fast: bool = param(False, "", "whether a ball is measured in less time, with larger errors of the spin")
 
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Where a camera stands: p_camera = rotation p_table + translation (2.3)."""
+    """Pose of a camera: p_camera = rotation p_table + translation (2.3)."""
 
-    rotation: tuple[float, ...] = param((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation from `table` to the camera, by rows")
-    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera")
+    rotation: tuple[float, ...] = param(
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation matrix from `table` to the camera, by rows", low=-1.001, high=1.001
+    )
+    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera", low=-100.0, high=100.0)
 
 
 @dataclass(frozen=True)
 class LampParams:
     """Calibrated lamps."""
 
-    positions: tuple[float, ...] = param((), "m", "x, y, z of each lamp in `table`, one after the other")
-    strengths: tuple[float, ...] = param((), "", "brightness that each lamp gives a white surface 1 m away; empty without calibrated lamps")
+    positions: tuple[float, ...] = param((), "m", "x, y, z of each lamp in `table`, one lamp after the other", low=-100.0, high=100.0)
+    strengths: tuple[float, ...] = param(
+        (), "", "brightness that each lamp gives a white surface 1 m away; empty without calibrated lamps", low=0.0, high=1e6
+    )
     ambient: float = param(0.0, "", "brightness of a white surface in the light of the room", low=0.0, high=1e6)
 
     def __post_init__(self) -> None:
@@ -66,14 +81,14 @@ class LampParams:
 
 
 class EstimateNode(Node):
-    """camera/{left,right}/image_raw and camera_info -> /ball/measured.
+    """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/measured.
 
-    One ball for each flight, and with `refined` a second one from more frames. `fast` spends less on the spin. The air of `physics` bends
-    the flight between the frames. The poses of the cameras are the parameters {left,right}.rotation (9 numbers, by rows) and
-    {left,right}.translation (m), (2.3).
+    There is one ball for each flight, and with the parameter `refined` a second one from more frames. The air of `physics` bends the flight
+    between the frames. The poses of the cameras are the parameters {left,right}.rotation and {left,right}.translation.
     """
 
     def __init__(self) -> None:
+        """Declare parameters, compile the kernels, then subscribe."""
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
         self.search = SearchParams.fast() if declare(self, EstimateParams).fast else SearchParams()
@@ -104,14 +119,15 @@ class EstimateNode(Node):
         pose = declare(self, CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
         return dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation))
 
-    def _lamps(self) -> Lamps | None:
+    def _lamps(self) -> CalibratedLamps | None:
         """Return the calibrated lamps, or None without any."""
         lamps = declare(self, LampParams, "lamps.")
         if not any(lamps.strengths):
             return None
-        return Lamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
+        return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
+        """Take the calibration of a camera, unless it is the same as before."""
         message.header = CameraInfo().header  # drivers send the same calibration with each image
         if message == self.infos[side]:
             return
@@ -122,6 +138,7 @@ class EstimateNode(Node):
             self.bad_infos[side](error)
 
     def on_image(self, side: int, message: Image) -> None:
+        """Take an image, and measure the burst that is complete with it."""
         try:
             image, lens = image_from_message(message), self.lenses[side]
             if lens is not None and image.shape != (lens.height, lens.width):
@@ -134,31 +151,22 @@ class EstimateNode(Node):
             self.on_burst(burst)
 
     def on_burst(self, burst: Burst) -> None:
+        """Measure a burst and publish the ball, or why there is none."""
         last = float(burst.times[-1])
         alone = self.assembler.params.alone
         wanted = [SIDES.index(alone)] if alone else [0, 1]
         lenses = [lens for lens in (self.lenses[side] for side in wanted) if lens is not None]
         if len(lenses) < len(wanted):
-            self._refuse("no camera_info yet", last)
+            self._refuse(Failure(BurstReason.NO_CAMERA_INFO), last)
             return
-        stacks, poses = (burst.left, burst.right), [self.poses[side] for side in wanted]
         try:
-            images, spots, cameras = zip(*map(Lens.straighten, lenses, stacks, burst.spots, poses), strict=True)
-            result = measure(
-                images[0],
-                None if alone else images[1],
-                burst.times,
-                cameras,
-                air=self.air,
-                lamps=self.lamps,
-                search=self.search,
-                spots=spots,
-            )
+            straight = straighten(burst, lenses, [self.poses[side] for side in wanted])
+            result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search)
         except TtError as error:
-            self._refuse(str(error), last)
+            self._refuse(Failure(BurstReason.UNUSABLE, error=error), last)
             return
-        if result.ball is None:
-            self._refuse(result.reason or "", last, residual=f"{result.residual:.3f}")
+        if result.ball is None or result.reason is not None:
+            self._refuse(result.reason, last, residual=f"{result.residual:.3f}")
             return
         self.balls.publish(ball_to_message(result.ball))
         self.measured += not burst.refined
@@ -172,15 +180,18 @@ class EstimateNode(Node):
             frames=result.used,
         )
 
-    def _refuse(self, reason: str, stamp: float, **values: Any) -> None:
+    def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
+        """Tell why a burst is not measured. stamp: of its last frame, s."""
         self.refused += 1
-        self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, **self._counts(), **values)
+        self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
 
     def _counts(self) -> dict[str, Any]:
+        """Return how many balls were measured and refused, and which images were not used."""
         return {"measured": self.measured, "refused": self.refused, **dataclasses.asdict(self.assembler.counts)}
 
 
 def main() -> None:
+    """Run the node."""
     run(EstimateNode)
 
 

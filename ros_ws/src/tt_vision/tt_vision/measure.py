@@ -1,50 +1,82 @@
-"""A burst of images in, the ball's state out: position, velocity and spin at the last frame, or the reason why not."""
+"""From a burst of images to the ball's state: position, velocity and spin at the last frame, or the reason why not.
+
+The stages are a line, each a function from one object to the next, and all are called here:
+
+    Burst -> detect_balls, whole_balls -> fit_motion -> map_surface -> register -> relight, limb_outlines, refit_motion -> estimate_from
+"""
 
 from __future__ import annotations
 
-from collections import Counter
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
-from tt_core.constants import BALL_RADIUS
-from tt_core.errors import BadShape, TtError
+from tt_core.errors import BadChoice, BadShape
+from tt_core.failures import Failure
 from tt_core.flight import Aerodynamics
 from tt_core.states import Array, BallState
 
 from .camera import Camera
-from .detection.ball_detection import Image, Spot, find_ball
-from .detection.illumination import Lamps
-from .motion_fit import Motion, fit_motion
-from .spin.estimate import SpinEstimate, check_frames, check_times, spin_and_motion
-from .spin.registration import DEFAULT, SearchParams, prepare
+from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst, Image
+from .detection.ball_detection import DetectionReason, detect_balls, first_reason, whole_balls
+from .detection.illumination import CalibratedLamps
+from .motion_fit import BallMotion, fit_motion, motion_doubt, refit_motion
+from .spin.dissertation import method_1, method_2
+from .spin.estimate import SpinEstimate, SpinReason, estimate_from
+from .spin.limb_refinement import limb_outlines
+from .spin.registration import DEFAULT, GATE, Registration, SearchParams, register, register_again, register_residual
+from .spin.relighting import relight
+from .spin.surface_map import LEAST_CONTRAST, SurfaceMap, map_surface
 
-LEAST_FRAMES = 3  # with two, 8 % of the spins are wrong
-MOST_FRAMES = 10  # more add time and no accuracy
-ROUGH = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
 AIR = Aerodynamics.measured()
-APART = 3.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
+HOPELESS = 0.2  # residual beyond which refined outlines do not help; a ball half in the dark, 1.6 mm out of place, has 0.12
+DISSERTATION = {"liu": method_2, "correlation": method_1}
+METHODS = ("registration", *DISSERTATION)
+
+
+class MeasurementReason(Enum):
+    """Why a burst is not measured, beside MotionReason and SpinReason: codes of `tt_core.failures.Failure`."""
+
+    BAD_CALIBRATION = "a camera's calibration is not finite"
+    FEW_FRAMES = "{good} good frames of {frames}, {needed} needed; left out: {left_out}"
+    SWAPPED = "the cameras are swapped"
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """ball: at the time of the last frame used, with covariance; None when reason is not None.
+    """What a burst tells.
 
-    reason: why there is no ball. used: how many frames (pairs of images); left_out: how many did not show the whole ball, by reason.
-    motion, spin: the parts, as far as they came.
+    Attributes:
+        ball: The ball at the time of the last frame used, with covariance; None if there is a reason.
+        reason: Why there is no ball, or None: a code of MeasurementReason, MotionReason or SpinReason.
+        used: Number of frames (pairs of images) used.
+        left_out: How many frames do not show the whole ball, by reason.
+        motion: Position and velocity, if it came so far.
+        spin: The spin, if it came so far.
     """
 
     ball: BallState | None
-    reason: str | None
+    reason: Failure | None
     used: int
-    left_out: dict[str, int]
-    motion: Motion | None = None
+    left_out: dict[DetectionReason, int]
+    motion: BallMotion | None = None
     spin: SpinEstimate | None = None
 
     @property
     def residual(self) -> float:
-        """Of the marks: 0 when they agree in all images, 1 when unrelated or not compared."""
+        """Of the marks: 0 when they agree in all images, 1 when they are unrelated or not compared."""
         return 1.0 if self.spin is None else self.spin.residual
+
+
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """Motion and spin of a burst, as far as they came, and the reason why they are not to be believed."""
+
+    motion: BallMotion | None
+    spin: SpinEstimate | None
+    reason: Failure | None
 
 
 def measure(
@@ -54,102 +86,187 @@ def measure(
     cameras: Sequence[Camera],
     *,
     air: Aerodynamics = AIR,
-    lamps: Lamps | None = None,
+    lamps: CalibratedLamps | None = None,
     search: SearchParams = DEFAULT,
-    spots: Sequence[Sequence[Spot]] | None = None,
 ) -> Measurement:
-    """left, right: (k, h, w) uint8 or uint16, taken at `times` (k,) s, rising, middle of the exposure. cameras: (left, right).
-    One camera alone: `right` is None, `cameras` holds it, and the distance rests on the ball's size; the covariance says so.
-    air: bends the flight between the frames, which turns the velocity at the last one by 0.03 m/s. lamps: when calibrated; otherwise light
-    is fitted to the burst. search: how much is spent on the spin. spots: [camera][frame], when each frame was looked at as it came.
+    """Measure the ball from the images of two cameras, or of one.
 
-    Frames that do not show the whole ball in both images are left out. Raises TtError for arrays that do not fit together.
+    With one camera the distance rests on the ball's size, which the covariance tells.
+
+    Args:
+        left: (k, h, w) uint8 or uint16.
+        right: The same of the right camera; None for one camera, which `left` is of.
+        times: (k,) s, rising, the middle of the exposures.
+        cameras: (left, right), or the only one.
+        air: See `measure_burst`.
+        lamps: See `measure_burst`.
+        search: See `measure_burst`.
+
+    Raises:
+        TtError: The arrays do not fit together.
     """
-    if not all(np.isfinite(camera.vector).all() for camera in cameras):
-        return Measurement(None, "a camera's calibration is not finite", 0, {})
-    times = check_times(times)
-    sides = [left] if right is None else [left, right]
-    check_frames([list(images) for images in sides], len(times), len(cameras))
-    for camera, images in zip(cameras, sides, strict=True):
-        if np.shape(images)[1:] != (camera.height, camera.width):
-            raise BadShape("images", np.shape(images), f"(k, {camera.height}, {camera.width})")
-    spots = spots if spots is not None else [[find_ball(image) for image in images] for images in sides]
-    reasons = [next((spot.reason for spot in pair if spot.reason), None) for pair in zip(*spots, strict=True)]
-    left_out = dict(Counter(reason for reason in reasons if reason))
-    good = [k for k, reason in enumerate(reasons) if reason is None][-MOST_FRAMES:]
-    if len(good) < LEAST_FRAMES:
-        why = "".join(f", {count} x {reason}" for reason, count in left_out.items())
-        return Measurement(None, f"{len(good)} good frames of {len(times)}, {LEAST_FRAMES} needed{why}", len(good), left_out)
-    frames = [[images[k] for k in good] for images in sides]
-    spots = [[row[k] for k in good] for row in spots]
-    times = times[good]
-    motion, spin, reason = _fit(frames, spots, times, cameras, lamps, search)
-    if motion is None or spin is None or reason:
-        if len(cameras) > 1 and _fit(frames, spots, times, cameras[::-1], lamps, replace(search, second_look=False))[2] is None:
-            reason = "the cameras are swapped"
-        return Measurement(None, reason, len(good), left_out, motion, spin)
-    motion = motion.bent(air.acceleration(motion.velocity, spin.spin), times)
+    if not _is_finite(cameras):
+        return Measurement(None, Failure(MeasurementReason.BAD_CALIBRATION), 0, {})
+    images = (left,) if right is None else (left, right)
+    return measure_burst(Burst(images, times, tuple(cameras)), air=air, lamps=lamps, search=search)
+
+
+def measure_burst(
+    burst: Burst, *, air: Aerodynamics = AIR, lamps: CalibratedLamps | None = None, search: SearchParams = DEFAULT
+) -> Measurement:
+    """Measure the ball from a burst. Frames that do not show the whole ball in all images are left out.
+
+    Args:
+        burst: A burst with cameras. Where it holds no detections the ball is looked for.
+        air: Bends the flight between the frames, which changes the velocity at the last one by 0.03 m/s.
+        lamps: Calibrated lamps; None: the light is fitted to the burst.
+        search: How much is spent on the spin.
+
+    Raises:
+        BadShape: The burst has no cameras.
+        TtError: An image has a wrong type.
+    """
+    _check_cameras(burst)
+    if not _is_finite(burst.cameras):
+        return Measurement(None, Failure(MeasurementReason.BAD_CALIBRATION), 0, {})
+    whole, left_out = whole_balls(detect_balls(burst), MOST_FRAMES)
+    if len(whole) < LEAST_FRAMES:
+        return Measurement(None, _few_frames(len(whole), len(burst), left_out), len(whole), left_out)
+    found = _estimate(whole, lamps, search)
+    if found.motion is None or found.spin is None or found.reason:
+        reason = Failure(MeasurementReason.SWAPPED) if _is_swapped(whole, lamps, search) else found.reason
+        return Measurement(None, reason, len(whole), left_out, found.motion, found.spin)
+    motion = found.motion.with_acceleration(air.acceleration(found.motion.velocity, found.spin.spin), whole.times)
     covariance = np.zeros((9, 9))
-    covariance[:6, :6], covariance[6:, 6:] = motion.covariance, spin.covariance
-    ball = BallState(motion.time, motion.position, motion.velocity, spin.spin, covariance)
-    return Measurement(ball, None, len(good), left_out, motion, spin)
+    covariance[:6, :6], covariance[6:, 6:] = motion.covariance, found.spin.covariance
+    ball = BallState(motion.time, motion.position, motion.velocity, found.spin.spin, covariance)
+    return Measurement(ball, None, len(whole), left_out, motion, found.spin)
 
 
-def _fit(
+def estimate_spin(
     frames: Sequence[Sequence[Image]],
-    spots: Sequence[Sequence[Spot]],
     times: Array,
     cameras: Sequence[Camera],
-    lamps: Lamps | None,
-    search: SearchParams,
-) -> tuple[Motion | None, SpinEstimate | None, str | None]:
-    """Motion and spin, as far as they came, and the reason why they are not to be believed."""
-    try:
-        motion = fit_motion(frames, spots, times, cameras)
-    except TtError as error:
-        return None, None, f"no ball: {error}"
-    reason = _doubt(motion)
-    if reason:
-        return motion, None, reason
-    try:
-        spin, motion = spin_and_motion(frames, times, cameras, motion, spots, lamps, search)
-    except TtError as error:
-        return motion, None, f"no ball: {error}"
-    return motion, spin, spin.reason or _doubt(motion)
+    *,
+    method: str = "registration",
+    lamps: CalibratedLamps | None = None,
+    search: SearchParams = DEFAULT,
+) -> SpinEstimate:
+    """Estimate the spin from images that all show the whole ball.
+
+    Args:
+        frames: [camera][frame] of (h, w) uint8 or uint16.
+        times: (frames,) s, rising, the middle of the exposures.
+        cameras: Who took them.
+        method: "registration": every rotation up to 66 deg between frames is tried. "liu": Method 2 of the dissertation. "correlation": its
+            Method 1.
+        lamps: Calibrated lamps; None: the light is fitted to the burst.
+        search: How much is spent on the registration.
+
+    Raises:
+        BadChoice: There is no such method.
+        TtError: The arrays do not fit together.
+    """
+    burst = Burst(tuple(_stack(row) for row in frames), times, tuple(cameras))
+    _check_cameras(burst)
+    if len(burst) < 2:
+        return SpinEstimate.refused(Failure(SpinReason.FEW_FRAMES, frames=len(burst)))
+    burst = detect_balls(burst)
+    if reason := first_reason(burst):
+        return SpinEstimate.refused(reason)
+    if method in DISSERTATION:
+        return SpinEstimate.without_covariance(*DISSERTATION[method](burst))
+    if method != "registration":
+        raise BadChoice("method", method, METHODS)
+    motion = fit_motion(burst)
+    if isinstance(motion, Failure):
+        return SpinEstimate.refused(motion)
+    found = _spin(burst, motion, lamps, search)
+    return found.spin or SpinEstimate.refused(found.reason)  # type: ignore[arg-type]
 
 
-def _doubt(motion: Motion) -> str | None:
-    if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
-        return "no ball: the outlines do not fit"
-    if motion.residual > ROUGH:
-        return f"no ball: outline off by {motion.residual:.2f} pixels rms"
-    if np.abs(motion.offsets).max() > APART:
-        return f"the cameras do not see the same ball: {np.abs(motion.offsets).max():.1f} pixels apart"
-    if np.abs(motion.edges).max() > APART:
-        return f"no ball: its outline is {np.abs(motion.edges).max():.1f} pixels too large or too small"
-    return None
+def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams) -> _Estimate:
+    """Fit motion and spin to a burst with detections, of which every image shows the whole ball."""
+    motion = fit_motion(burst)
+    if isinstance(motion, Failure):
+        return _Estimate(None, None, motion)
+    if doubt := motion_doubt(motion):
+        return _Estimate(motion, None, doubt)
+    found = _spin(burst, motion, lamps, search)
+    if found.reason or found.motion is None:
+        return found
+    return replace(found, reason=motion_doubt(found.motion))
 
 
-def warm(cameras: Sequence[Camera]) -> None:
-    """Compiles every kernel and fills every table that `measure` uses, on drawn images of 8 and of 16 bits."""
-    axis = np.mean([camera.rotation[2] for camera in cameras], axis=0)
-    start = np.mean([camera.position for camera in cameras], axis=0) + axis
-    times = np.arange(LEAST_FRAMES) / 900.0
-    frames = [[_draw(camera, start + t * np.array([0.0, 0.0, 2.0]), 100.0 * t) for t in times] for camera in cameras]
-    for dtype in (np.uint8, np.uint16):
-        left, right = (np.array(images, dtype=dtype) for images in frames)
-        measure(left, right, times, cameras)  # refused: what is drawn is no ball that both cameras see
-        measure(left, None, times, cameras[:1])
-    measure(left, None, times, cameras[:1], lamps=Lamps(start[None] + 1.0, np.ones(1), 1.0))
-    prepare()
+def _spin(burst: Burst, motion: BallMotion, lamps: CalibratedLamps | None, search: SearchParams) -> _Estimate:
+    """Find the spin by registration; the motion is known better with it, because outlines are found again with the marks known."""
+    surface = map_surface(burst, motion, lamps)
+    if surface.contrast < LEAST_CONTRAST:
+        return _refused(motion, Failure(SpinReason.NO_MARKS))
+    found = register(surface, search)
+    if search.second_look and GATE < found.residual < HOPELESS:
+        refined = _refine(burst, motion, surface, found, search)
+        if isinstance(refined, Failure):
+            return _Estimate(motion, None, refined)
+        motion, surface, found = refined
+        found = register_residual(surface, found, search)
+    if found.residual > GATE:
+        return _refused(motion, Failure(SpinReason.NO_AGREEMENT, residual=found.residual, bound=GATE), found)
+    if search.second_look:
+        refined = _refine(burst, motion, surface, found, search)
+        if isinstance(refined, Failure):
+            return _Estimate(motion, None, refined)
+        motion, surface, found = refined
+    spin = estimate_from(found, cameras=len(burst.cameras), is_refined=search.second_look, is_light_calibrated=lamps is not None)
+    return _Estimate(motion, spin, None)
 
 
-def _draw(camera: Camera, centre: Array, angle: float) -> np.ndarray:
-    """(h, w) a chequered ball, turned by `angle` rad about the vertical."""
-    v, u = np.mgrid[: camera.height, : camera.width]
-    at = camera.rotation @ centre + camera.translation
-    x, y = u - camera.project(centre[None])[0, 0], v - camera.project(centre[None])[0, 1]
-    radius = camera.focal_pixels * BALL_RADIUS / at[2]
-    z = np.sqrt(np.maximum(0.0, radius**2 - x * x - y * y))
-    dark = np.sin(5.0 * (np.arctan2(x, z) - angle)) * np.sin(6.0 * y / radius) > 0.4
-    return np.where(z > 0.0, np.where(dark, 40, 200), 8)
+def _refine(
+    burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, search: SearchParams
+) -> tuple[BallMotion, SurfaceMap, Registration] | Failure:
+    """Fit light, outlines, motion and spin again with the marks of a registration."""
+    relit = relight(surface, found, len(burst.cameras))
+    if relit is not surface:
+        found = register_again(relit, found, search, math.inf)
+    points = limb_outlines(burst, relit, found)
+    refitted = refit_motion(motion, points, burst, relit.illumination.is_calibrated)
+    if isinstance(refitted, Failure):
+        return refitted
+    moved = relit.moved_to(refitted, burst)
+    return refitted, moved, register_again(moved, found, search)
+
+
+def _refused(motion: BallMotion, reason: Failure, found: Registration | None = None) -> _Estimate:
+    spin = SpinEstimate.refused(reason) if found is None else SpinEstimate.refused(reason, found.residual, found.candidates)
+    return _Estimate(motion, spin, reason)
+
+
+def _is_swapped(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams) -> bool:
+    """Tell whether the images fit together if the two cameras are taken for each other."""
+    if len(burst.cameras) < 2:
+        return False
+    if any(stack.shape[1:] != (camera.height, camera.width) for stack, camera in zip(burst.images, burst.cameras[::-1], strict=True)):
+        return False
+    return _estimate(burst.seen_by(burst.cameras[::-1]), lamps, replace(search, second_look=False)).reason is None
+
+
+def _few_frames(good: int, frames: int, left_out: dict[DetectionReason, int]) -> Failure:
+    told = ", ".join(f"{count} x {code.value}" for code, count in left_out.items()) or "none"
+    return Failure(MeasurementReason.FEW_FRAMES, good=good, frames=frames, needed=LEAST_FRAMES, left_out=told)
+
+
+def _is_finite(cameras: Sequence[Camera]) -> bool:
+    return all(np.isfinite(camera.vector).all() for camera in cameras)
+
+
+def _check_cameras(burst: Burst) -> None:
+    if not burst.cameras:
+        raise BadShape("cameras", (0,), (len(burst.images),))
+
+
+def _stack(row: Sequence[Image]) -> np.ndarray:
+    """Return images as one array; raises BadShape for images of different sizes."""
+    shapes = {np.shape(image) for image in row}
+    if len(shapes) > 1:
+        raise BadShape("images", shapes.pop(), shapes)
+    return np.asarray(row)

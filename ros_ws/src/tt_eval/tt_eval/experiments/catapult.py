@@ -17,12 +17,13 @@ from tt_core.so3 import rotation_matrix
 from tt_core.states import Array
 from tt_sim.render import Texture
 from tt_sim.world.launcher import LauncherParams, launch
-from tt_vision.detection.ball_detection import find_ball
-from tt_vision.measure import measure
+from tt_vision.capture.burst import Burst
+from tt_vision.detection.ball_detection import detect_balls
+from tt_vision.measure import measure_burst
 from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin.dissertation import centres_by_four_points, inscribed_square, method_2, velocity_by_least_squares
 
-from ..synthetic_bursts import Burst, Conditions, film
+from ..synthetic_bursts import Conditions, SyntheticBurst, film
 
 SHOTS = (("top", 3), ("top", 4), ("top", 4), ("top", 5), ("back", 4), ("left", 4), ("right", 4))
 PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed with the sign of w_y flipped
@@ -34,7 +35,7 @@ PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed 
 CAMERA = 1  # "say Camera 2"
 
 
-def shots(runs: int) -> Iterator[tuple[int, int, Burst]]:
+def shots(runs: int) -> Iterator[tuple[int, int, SyntheticBurst]]:
     """Number of the shot, of the trial, and images."""
     rng = np.random.default_rng(0)
     for n, (kind, scale) in enumerate(SHOTS):
@@ -59,13 +60,13 @@ def run(runs: int) -> list[go.Figure]:
     for n, filmed in itertools.groupby(shots(runs), key=lambda shot: shot[0]):
         (kind, scale), misses = SHOTS[n], []
         for _, trial, burst in filmed:
-            spots = [[find_ball(image) for image in row] for row in burst.images]
+            detected = detect_balls(burst.burst)
             trace: list[tuple[float, Array]] = []
             start = time.perf_counter()
-            spin, error, count = method_2(burst.images, spots, burst.times, burst.cameras, trace=trace)
-            velocity = velocity_by_least_squares(centres_by_four_points(burst.images, spots, burst.cameras)[1], burst.times)
+            spin, error, count = method_2(detected, trace=trace)
+            velocity = velocity_by_least_squares(centres_by_four_points(detected).positions, burst.times)
             middle = time.perf_counter()
-            ours = measure(burst.images[0], burst.images[1], burst.times, burst.cameras).ball
+            ours = measure_burst(burst.burst).ball
             end = time.perf_counter()
             printed = (np.linalg.norm(velocity - burst.ball.velocity), np.linalg.norm(spin - burst.ball.spin) / RPM)
             if ours is not None:
@@ -81,7 +82,7 @@ def run(runs: int) -> list[go.Figure]:
                 ]
                 traces.append((f"{kind} {scale}, shot {n + 1}", trace))
                 if (kind, scale) == ("top", 4):
-                    pictures.append(_pictures(burst, spots, spin, f"Figure 2.{18 + len(pictures) + 1}: top 4, shot {n + 1}"))
+                    pictures.append(_pictures(detected, spin, f"Figure 2.{18 + len(pictures) + 1}: top 4, shot {n + 1}"))
         slow, off, speed, spin_off = np.median(misses, axis=0) if misses else (np.nan,) * 4
         ours_off = f"{speed:.4f}, {spin_off:.1f}"
         table.add_row(f"{kind} {scale}", first[0], first[1], f"{slow:.3f}, {off:.0f}", first[2], ours_off, PRINTED.get(n, ""))
@@ -100,10 +101,10 @@ def _convergence(traces: list[tuple[str, list[tuple[float, Array]]]]) -> list[go
     return [objective, speed]
 
 
-def _pictures(burst: Burst, spots: list, spin: Array, title: str) -> go.Figure:
+def _pictures(burst: Burst, spin: Array, title: str) -> go.Figure:
     """(a) a frame, (b) its square, (c) the next frame's as estimated from it, (d) the next frame, (e) its square, (f) the residual."""
     camera, images = burst.cameras[CAMERA], burst.images[CAMERA].astype(np.float32)
-    pixels, positions = centres_by_four_points(burst.images, spots, burst.cameras)
+    pixels, positions = centres_by_four_points(burst)
     centres = positions @ camera.rotation.T + camera.translation
     half = 0.5 * np.sqrt(2.0) * camera.focal_pixels * 0.02 / centres[:, 2].mean()
     arms, greys = inscribed_square(images, pixels[CAMERA], centres, camera.vector, half)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from tt_vision.measure import warm
 from tt_vision.rig import high_speed_pair
+from tt_vision.warm import warm
 
 from . import catapult, robustness, rotation
 

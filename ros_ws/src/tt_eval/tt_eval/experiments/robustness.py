@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.table import Table
 from tt_core.constants import RPM
 from tt_sim.render import Lamps, Noise
-from tt_vision.measure import measure
+from tt_vision.measure import measure_burst
 
-from ..synthetic_bursts import Burst, Conditions, bursts
+from ..synthetic_bursts import Conditions, bursts
 
 BASE = Conditions()
 FLICKER = Lamps(tuple(replace(lamp, flicker=0.15) for lamp in Lamps().lamps))
@@ -47,9 +47,7 @@ def run(runs: int) -> list[go.Figure]:
     for name, conditions in SWEEPS.items():
         misses, refused = [], 0
         for burst in bursts(runs, conditions):
-            ball = (
-                _alone(burst).ball if name == "one camera" else measure(burst.images[0], burst.images[1], burst.times, burst.cameras).ball
-            )
+            ball = measure_burst(burst.left_burst if name == "one camera" else burst.burst).ball
             if ball is None:
                 refused += 1
                 continue
@@ -62,7 +60,3 @@ def run(runs: int) -> list[go.Figure]:
         figure.add_box(y=rows[:, 2], name=name, boxpoints="all", showlegend=False)
     Console(width=150).print(table)
     return [figure.update_layout(title=f"Error of the spin, rpm, {runs} bursts each", height=600).update_yaxes(type="log")]
-
-
-def _alone(burst: Burst):
-    return measure(burst.images[0], None, burst.times, burst.cameras[:1])

@@ -20,9 +20,9 @@ from tt_core.states import Array
 from tt_sim.render import Lamp, Lamps, Texture
 from tt_sim.world.rotation_machine import AXES, SPEEDS
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
-from tt_vision.spin.estimate import estimate_spin
+from tt_vision.spin import estimate_spin
 
-from ..synthetic_bursts import Burst, Conditions, film
+from ..synthetic_bursts import Conditions, SyntheticBurst, film
 
 FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
 METHODS = {"correlation": "Method 1", "liu": "Method 2", "registration": "registration"}
@@ -31,7 +31,7 @@ CLOSE = 0.97  # inner product of the axes that counts as right, 14 deg
 RIGHT = 200.0  # rpm of speed that counts as right
 
 
-def turning(runs: int) -> Iterator[tuple[str, int, int, Array, Burst]]:
+def turning(runs: int) -> Iterator[tuple[str, int, int, Array, SyntheticBurst]]:
     """Frame, number of the axis, speed in rpm, spin (3,) rad/s and images of each trial."""
     rng = np.random.default_rng(0)
     for frame, rotation in FRAMES.items():

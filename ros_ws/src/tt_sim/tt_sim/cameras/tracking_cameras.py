@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from tt_core.flight import fly
 from tt_core.params import check, param
 from tt_core.states import Array
-from tt_vision.camera import Camera, project_from_table
+from tt_vision.camera import Camera
+from tt_vision.projection import project_from_table, unpack_camera
 from tt_vision.rig import WIDE_RATE, wide_pair
 
 from ..simulated_robot import Tick
@@ -51,8 +52,9 @@ def believed() -> tuple[Camera, Camera]:
 @njit(cache=True)
 def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArray[np.bool_], step: float, pixels: Array) -> None:
     """Turns the scatter of centres, pixels (n, 2), into centres, in place, of a ball at places (n, 3) m that are not lost (n,)."""
+    model = unpack_camera(camera)
     for i in range(len(places)):
-        u, v, _ = project_from_table(camera, places[i, 0], places[i, 1], places[i, 2])
+        u, v, _ = project_from_table(model, places[i, 0], places[i, 1], places[i, 2])
         u, v = u + pixels[i, 0], v + pixels[i, 1]
         if step > 0.0:
             u, v = np.rint(u / step) * step, np.rint(v / step) * step

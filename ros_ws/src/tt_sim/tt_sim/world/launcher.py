@@ -111,7 +111,7 @@ def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
         v_z = 0.5 * (low + high)
         place, velocity = np.array([LauncherParams.x, LauncherParams.y, height]), np.array([v_x, 0.0, v_z])
         ball = BallState(0.0, place, velocity, spin * np.array(_AXES[kind]))
-        contact, _ = next_contact(ball, Physics.liu())
+        contact = next_contact(ball, Physics.liu())
         low, high = (v_z, high) if contact.position[0] > LANDING_X else (low, v_z)
     return (v_x, nearest[0][1]), (high, nearest[1][1]), (spin, nearest[2][1])
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 from tt_core.constants import NET_X
-from tt_core.flight import fly_into
+from tt_core.flight import air_coefficients, fly_into
+from tt_core.interpolate import hermite
 from tt_core.states import Array, BallState
 from tt_core.text_enum import TextEnum
 
@@ -25,16 +26,15 @@ def places(ball: Array, times: Array, air: Array) -> Array:
     """(n, 3) m, of the ball (9,) in free flight at times (n,) s after it, rising: cubic between states NODE s apart, to 1e-5 m."""
     out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
     start_position, start_velocity, end_position, end_velocity = start[:3], start[3:6], end[:3], end[3:6]
+    model = air_coefficients(air)
     for i in range(len(times)):
         while times[i] > last:
             start[:] = end
-            fly_into(start, NODE, air, NODE, end, work)
+            fly_into(start, NODE, model, NODE, end, work)
             last += NODE
         u = 1.0 - (last - times[i]) / NODE
         for k in range(3):
-            p0, p1, m0, m1 = start_position[k], end_position[k], NODE * start_velocity[k], NODE * end_velocity[k]
-            a, b = 2.0 * (p0 - p1) + m0 + m1, 3.0 * (p1 - p0) - 2.0 * m0 - m1
-            out[i, k] = ((a * u + b) * u + m0) * u + p0
+            out[i, k] = hermite(start_position[k], start_velocity[k], end_position[k], end_velocity[k], NODE, u)
     return out
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.interpolate import hermite
 from tt_core.states import Array
 
 RACKET_RADIUS = 0.075  # m, a disc of a usual blade's width
@@ -79,10 +80,7 @@ def racket_at(track: RacketTrack, time: float, out: RacketInstant) -> None:
     j = min(i + 1, last)
     u = min(1.0, max(0.0, time / track.tick - i))
     for k in range(3):
-        start, end = track.position[i, k], track.position[j, k]
-        m0, m1 = track.tick * track.velocity[i, k], track.tick * track.velocity[j, k]
-        a, b = 2.0 * (start - end) + m0 + m1, 3.0 * (end - start) - 2.0 * m0 - m1
-        out.position[k] = ((a * u + b) * u + m0) * u + start
+        out.position[k] = hermite(track.position[i, k], track.velocity[i, k], track.position[j, k], track.velocity[j, k], track.tick, u)
         out.normal[k] = (1.0 - u) * track.normal[i, k] + u * track.normal[j, k]
         out.velocity[k] = (1.0 - u) * track.velocity[i, k] + u * track.velocity[j, k]
         out.turning[k] = (1.0 - u) * track.turning[i, k] + u * track.turning[j, k]

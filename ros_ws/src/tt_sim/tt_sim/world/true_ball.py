@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from tt_core.bounce import rebound_racket, rebound_table
+from tt_core.bounce import TableCoefficients, rebound_racket, rebound_table
 from tt_core.errors import check_range
-from tt_core.flight import MAX_STEP, ease, step
-from tt_core.physics import Physics
+from tt_core.flight import MAX_STEP, AirCoefficients, ease, step
+from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
 from tt_core.states import Array, BallState
 
 from .racket_motion import RACKET_RADIUS, RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at, racket_track
@@ -55,25 +55,21 @@ CONTACT_LOG = np.dtype(
 
 
 class Coefficients(NamedTuple):
-    """What the true world is like, for the kernels; arrays as `coefficients` of Aerodynamics, TableRebound and RacketRebound."""
+    """What the true world is like, as it is passed from Python."""
 
-    air: Array
-    table: Array
-    rubber: Array
-    contact_height: float  # m, from a surface to the centre of a ball that touches it
+    physics: Array  # (19,), `Physics.coefficients`
     racket_radius: float  # m
 
     @classmethod
     def of(cls, physics: Physics, racket_radius: float = RACKET_RADIUS) -> Coefficients:
         """Take those of a physics."""
-        models = physics.air.coefficients, physics.table.coefficients, physics.racket.coefficients
-        return cls(*models, physics.contact_height, racket_radius)
+        return cls(physics.coefficients, racket_radius)
 
 
 class _Scene(NamedTuple):
     """What surrounds the ball."""
 
-    air: Array
+    air: AirCoefficients
     racket: RacketTrack
     shape: BallShape
 
@@ -155,7 +151,7 @@ def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Sc
 
 
 @njit(cache=True)
-def _rebound_edge(v: Array, w: Array, normal: Array, table: Array) -> None:
+def _rebound_edge(v: Array, w: Array, normal: Array, table: TableCoefficients) -> None:
     """Apply the table's rebound about another normal (3,), in place."""
     side = np.array([normal[2], normal[0], normal[1]])
     x = side - (side @ normal) * normal
@@ -176,7 +172,7 @@ def _rebound_net(v: Array, w: Array, normal: Array, rate: float) -> None:
 
 
 @njit(cache=True)
-def _rebound(surface: int, ball: Array, gap: float, rate: float, scratch: _Scratch, models: Coefficients) -> tuple[float, bool]:
+def _rebound(surface: int, ball: Array, gap: float, rate: float, scratch: _Scratch, physics: PhysicsCoefficients) -> tuple[float, bool]:
     """Change the ball (9,), in place, as the surface does; return `offset` and `edge` of CONTACT_LOG.
 
     gap, rate: m and m/s, of the distance.
@@ -184,17 +180,17 @@ def _rebound(surface: int, ball: Array, gap: float, rate: float, scratch: _Scrat
     v, w, normal, racket = ball[3:6], ball[6:9], scratch.normal, scratch.racket
     if surface == TABLE:
         if normal[2] > 1.0 - 1e-12:
-            rebound_table(v, w, models.table)
+            rebound_table(v, w, physics.table)
             return 0.0, False
-        _rebound_edge(v, w, normal, models.table)
+        _rebound_edge(v, w, normal, physics.table)
         return 0.0, True
     if surface == NET:
         _rebound_net(v, w, normal, rate)
         return 0.0, abs(normal[2]) > 1e-12
     if surface == RACKET:
-        reach = gap + models.contact_height
+        reach = gap + physics.contact_height
         point = np.array(racket_point_velocity(ball, racket, reach, normal))
-        rebound_racket(v, w, point, normal, models.rubber)
+        rebound_racket(v, w, point, normal, physics.racket)
         across = normal[0] * racket.normal[0] + normal[1] * racket.normal[1] + normal[2] * racket.normal[2]
         square = 0.0
         for k in range(3):
@@ -223,7 +219,8 @@ def travel(
     Returns:
         The number of contacts, the time when the flight ended, and whether the ball is still in play: not on the floor, not lying.
     """
-    scene = _Scene(models.air, racket_track(rackets, tick), BallShape(models.contact_height, models.racket_radius))
+    physics = physics_coefficients(models.physics)
+    scene = _Scene(physics.air, racket_track(rackets, tick), BallShape(physics.contact_height, models.racket_radius))
     racket = RacketInstant(np.empty(3), np.empty(3), np.empty(3), np.empty(3))
     scratch = _Scratch(np.empty(9), racket, np.empty(3), np.empty((8, 3)))
     soonest = np.empty(5)  # s, in which each surface can be reached at the earliest
@@ -235,10 +232,10 @@ def travel(
         for surface in range(1, 5):
             gap = distance(surface, ball, racket, scene.shape, scratch.normal)
             soonest[surface] = gap / (speed + (fastest if surface == RACKET else 0.0))
-        safe = min(MAX_STEP * ease(ball, models.air), soonest[1:].min())
+        safe = min(MAX_STEP * ease(ball, physics.air), soonest[1:].min())
         if safe > SMALL_STEP:
             h = min(safe, until - now)
-            step(ball, h, models.air, ball, scratch.work)
+            step(ball, h, physics.air, ball, scratch.work)
             now += h
             continue
         h, met, first = min(SMALL_STEP, until - now), NONE, np.inf
@@ -249,7 +246,7 @@ def travel(
             if at < first:
                 met, first = surface, at
         if met == NONE:
-            step(ball, h, models.air, ball, scratch.work)
+            step(ball, h, physics.air, ball, scratch.work)
             now += h
             continue
         gap, rate = _distance_after(met, ball, first, now, scene, scratch)
@@ -258,7 +255,7 @@ def travel(
         contact = log[n]
         contact.surface, contact.time = met, now
         contact.before[:] = ball
-        contact.offset, contact.edge = _rebound(met, ball, gap, rate, scratch, models)
+        contact.offset, contact.edge = _rebound(met, ball, gap, rate, scratch, physics)
         contact.after[:] = ball
         n += 1
         lies = met == FLOOR or (met == TABLE and -rate < LYING)

@@ -1,4 +1,4 @@
-"""Where images of the two cameras come from: a folder, videos, a bag, devices. Each is a generator of shots in the order of time."""
+"""Sources of the images of two cameras: a folder, videos, a bag, or devices. Each is a generator of images in the order of time."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tt_core.params import check, param
 from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message
 
-from ..detection.ball_detection import Image
+from ..rig import SIDES
+from .burst import Image
 from .devices import DeviceCounts, DeviceParams, grabs
 
-SIDES = ("left", "right")
 KINDS = ("folder", "video", "bag", "device")
 STAMPED = re.compile(r"(left|right)[_\-/](\d+(?:\.\d+)?)\.(?:png|pgm|tiff?|bmp|jpe?g)$", re.IGNORECASE)
 NANOSECONDS = 1e14  # a whole number above it is a stamp in nanoseconds, below it in seconds: one day after 1970 and three million years
@@ -29,8 +29,40 @@ class SourceError(TtError):
     """A source that cannot be opened or read."""
 
 
-class Shot(NamedTuple):
-    """side: 0 left, 1 right. time: s. image: (h, w) uint8 or uint16."""
+class NoImages(SourceError):
+    """A source without images of either camera."""
+
+
+class NotAnImage(SourceError):
+    """A file that is no image, or an image of a type that is not known."""
+
+
+class CannotOpen(SourceError):
+    """A video, or a device, that cannot be opened."""
+
+    def __init__(self, source: str) -> None:
+        """Keep the path or number."""
+        super().__init__(f"cannot open {source!r}")
+        self.source = source
+
+
+class NotDeviceNumbers(SourceError):
+    """Devices that are not given by two numbers."""
+
+    def __init__(self, devices: Sequence[str]) -> None:
+        """Keep what was given."""
+        super().__init__(f"devices are two numbers, got {list(devices)}")
+        self.devices = list(devices)
+
+
+class StampedImage(NamedTuple):
+    """An image of one of the two cameras.
+
+    Attributes:
+        side: Index in SIDES: 0 left, 1 right.
+        time: s.
+        image: (h, w) uint8 or uint16.
+    """
 
     side: int
     time: float
@@ -38,7 +70,14 @@ class Shot(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """As recorded: pixels; K (3, 3); distortion (n,)."""
+    """Intrinsics of a camera as camera_info holds them.
+
+    Attributes:
+        width: Pixels.
+        height: Pixels.
+        matrix: (3, 3) K, pixels.
+        distortion: (n,) coefficients in the order of OpenCV.
+    """
 
     width: int
     height: int
@@ -50,11 +89,11 @@ class Calibration(NamedTuple):
 class SourceParams:
     """Where images come from."""
 
-    kind: str = param("folder", "", "what `path` is: a folder of images, videos, devices or a bag", choices=KINDS)
-    path: str = param("", "", "folder, bag or left video, or number of the left device")
-    right: str = param("", "", "right video, or number of the right device")
+    kind: str = param("folder", "", "kind of the source: a folder of images, two videos, a bag, or two devices", choices=KINDS)
+    path: str = param("", "", "path of the folder, the bag or the left video, or number of the left device")
+    right: str = param("", "", "path of the right video, or number of the right device; empty for a folder or a bag")
     frame_rate: float = param(
-        900.0, "1/s", "frame rate of videos, and of devices, to count the frames that they drop", low=0.1, high=100000.0
+        900.0, "1/s", "frame rate of videos; of devices, only to count the frames that they drop", low=0.1, high=100000.0
     )
 
     def __post_init__(self) -> None:
@@ -62,11 +101,19 @@ class SourceParams:
         check(self)
 
 
-def shots(
+def read_images(
     params: SourceParams, now: Callable[[], float], device: DeviceParams | None = None, counts: DeviceCounts | None = None
-) -> Generator[Shot, None, None]:
-    """now: s, the clock that stamps the images of devices. device, counts: of
-    them. Raises SourceError at the first shot for what cannot be opened.
+) -> Generator[StampedImage, None, None]:
+    """Read the images of a source in the order of time.
+
+    Args:
+        params: The source.
+        now: Returns the time, s, that stamps the images of devices.
+        device: How devices are set up.
+        counts: Takes the frames that devices drop.
+
+    Raises:
+        SourceError: The source cannot be opened; at the first image.
     """
     if params.kind == "folder":
         return from_folder(Path(params.path))
@@ -77,8 +124,16 @@ def shots(
     return from_devices([params.path, params.right], now, device or DeviceParams(), params.frame_rate, counts or DeviceCounts())
 
 
-def from_folder(path: Path) -> Generator[Shot, None, None]:
-    """Images named left_TIME.png or left/TIME.png, the same for right; TIME in nanoseconds when whole and long, else in seconds."""
+def from_folder(path: Path) -> Generator[StampedImage, None, None]:
+    """Read images named left_TIME.png or left/TIME.png, and likewise of the right camera.
+
+    Args:
+        path: The folder. TIME is in nanoseconds if it is a whole number above NANOSECONDS, else in seconds.
+
+    Raises:
+        NoImages: The folder has no such images.
+        NotAnImage: A file cannot be read.
+    """
     found = []
     for file in path.rglob("*"):
         if match := STAMPED.search(file.relative_to(path).as_posix()):
@@ -86,31 +141,51 @@ def from_folder(path: Path) -> Generator[Shot, None, None]:
             time = int(stamp) * 1e-9 if "." not in stamp and int(stamp) > NANOSECONDS else float(stamp)
             found.append((time, SIDES.index(side), file))
     if not found:
-        raise SourceError(f"no images named left_TIME.png or right_TIME.png in {path}")
+        raise NoImages(f"no images named left_TIME.png or right_TIME.png in {path}")
     for time, side, file in sorted(found):
         image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         if image is None:
-            raise SourceError(f"{file} is no image")
-        yield Shot(side, time, _grey(image))
+            raise NotAnImage(f"{file} is no image")
+        yield StampedImage(side, time, to_grey(image))
 
 
-def from_videos(paths: Sequence[str], frame_rate: float) -> Generator[Shot, None, None]:
-    """Two videos that start together; frame k is at k / frame_rate, whatever the files say: players cannot show 900 frames a second."""
+def from_videos(paths: Sequence[str], frame_rate: float) -> Generator[StampedImage, None, None]:
+    """Read two videos that start together.
+
+    Args:
+        paths: Of the left and the right video.
+        frame_rate: 1/s. Frame k is at k / frame_rate whatever the files say, because players cannot show 900 frames a second.
+
+    Raises:
+        CannotOpen: A video cannot be opened.
+    """
     with closing(_Captures(paths)) as captures:
         for k, images in enumerate(captures):
             for side, image in enumerate(images):
-                yield Shot(side, k / frame_rate, image)
+                yield StampedImage(side, k / frame_rate, image)
 
 
 def from_devices(
     numbers: Sequence[str], now: Callable[[], float], params: DeviceParams, frame_rate: float, counts: DeviceCounts
-) -> Generator[Shot, None, None]:
-    """Two cameras that the operating system knows, stamped at the grab."""
+) -> Generator[StampedImage, None, None]:
+    """Read two cameras that the operating system knows; their images are stamped when they are grabbed.
+
+    Args:
+        numbers: Of the left and the right device.
+        now: Returns the time, s.
+        params: How the devices are set up.
+        frame_rate: 1/s, to count the frames that they drop.
+        counts: Takes these numbers.
+
+    Raises:
+        NotDeviceNumbers: `numbers` are no numbers.
+        DeviceError: A device cannot be opened or set up.
+    """
     if not all(number.isdigit() for number in numbers):
-        raise SourceError(f"devices are two numbers, got {list(numbers)}")
+        raise NotDeviceNumbers(numbers)
     for time, images in grabs([int(number) for number in numbers], now, params, frame_rate, counts):
         for side, image in enumerate(images):
-            yield Shot(side, time, _grey(image))
+            yield StampedImage(side, time, to_grey(image))
 
 
 class _Captures:
@@ -121,30 +196,30 @@ class _Captures:
         for source, capture in zip(sources, self._captures, strict=True):
             if not capture.isOpened():
                 self.close()
-                raise SourceError(f"cannot open {source!r}")
+                raise CannotOpen(source)
 
     def __iter__(self) -> Iterator[list[Image]]:
         while sum(capture.grab() for capture in self._captures) == len(self._captures):  # all are grabbed before any is decoded
-            yield [_grey(capture.retrieve()[1]) for capture in self._captures]
+            yield [to_grey(capture.retrieve()[1]) for capture in self._captures]
 
     def close(self) -> None:
         for capture in self._captures:
             capture.release()
 
 
-def from_bag(path: Path) -> Generator[Shot, None, None]:
+def from_bag(path: Path) -> Generator[StampedImage, None, None]:
     """Read the images on /camera/{left,right}/image_raw of a bag.
 
     Args:
         path: A bag of any kind that `tt_core.ros.bags` reads.
 
     Yields:
-        Shots by the stamps of their messages.
+        Images with the stamps of their messages.
 
     Raises:
-        SourceError: If the bag has no images.
-        BagError: If it cannot be read.
-        BadMessage: If an image has an encoding that is not known.
+        NoImages: The bag has no images.
+        BagError: The bag cannot be read.
+        BadMessage: An image has an encoding that is not known.
     """
     from tt_core.ros.convert import image_from_message, seconds  # here, because no other source needs ROS
 
@@ -152,17 +227,17 @@ def from_bag(path: Path) -> Generator[Shot, None, None]:
     for side, message in _messages(path, "image_raw"):
         image = image_from_message(message)
         native = image.astype(image.dtype.newbyteorder("="), copy=False)
-        yield Shot(side, seconds(message.header.stamp), native)
+        yield StampedImage(side, seconds(message.header.stamp), native)
         count += 1
     if not count:
-        raise SourceError(f"no images on {' and '.join(f'camera/{side}/image_raw' for side in SIDES)} in {path}")
+        raise NoImages(f"no images on {' and '.join(f'camera/{side}/image_raw' for side in SIDES)} in {path}")
 
 
 def calibrations(path: Path) -> dict[int, Calibration]:
-    """Return what /camera/{left,right}/camera_info of a bag says, by side; a camera that is not calibrated (K[0] = 0) says nothing.
+    """Return the intrinsics in camera/{left,right}/camera_info of a bag, by side. A camera that is not calibrated (K[0] = 0) is left out.
 
     Raises:
-        TtError: a lens model that is not known, or a bag that cannot be read.
+        TtError: A lens model is not known, or the bag cannot be read.
     """
     return {side: Calibration(*camera_from_message(m)) for side, m in _messages(path, "camera_info") if m.k[0] != 0.0}
 
@@ -175,9 +250,14 @@ def _messages(path: Path, kind: str) -> Iterator[tuple[int, Any]]:
             yield sides[message.topic], bag.decode(message)
 
 
-def _grey(image: np.ndarray) -> Image:
+def to_grey(image: np.ndarray) -> Image:
+    """Return an image, in OpenCV's colours or grey, as a grey one.
+
+    Raises:
+        NotAnImage: Its type is neither uint8 nor uint16.
+    """
     if image.ndim == 3:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if image.dtype not in (np.uint8, np.uint16):
-        raise SourceError(f"image of dtype uint8 or uint16 expected, got {image.dtype}")
+        raise NotAnImage(f"image of dtype uint8 or uint16 expected, got {image.dtype}")
     return image

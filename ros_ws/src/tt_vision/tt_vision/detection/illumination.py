@@ -1,10 +1,11 @@
-"""How bright a white ball would be in each pixel: fitted to the burst itself, or from lamps that are known."""
+"""How bright a white ball would be in each pixel: light that is fitted to the burst itself, or that comes from calibrated lamps."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,119 +22,215 @@ GLOSS = 4  # harmonics of what gloss adds: a constant and a slope
 GLOSS_RIDGE = 1e-4  # of the light's weight in the fit, that keeps gloss at zero where the marks do not tell it from light
 LIGHT_STEPS = 6  # of the fit, each leaving out more of the marks
 
+NORMAL = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("cosine", "f4")])
+"""Outward unit normal of the ball in a pixel, in the camera's frame but with z towards the camera, and its cosine to the line of sight.
+
+All are 0 in a pixel off the ball.
+"""
+
+LAMP = np.dtype([("x", "f8"), ("y", "f8"), ("z", "f8"), ("strength", "f8")])
+"""Place of a lamp in the camera's frame, m, and its strength, as in CalibratedLamps."""
+
 
 @dataclass(frozen=True, eq=False)
-class Lamps:
-    """Lamps whose places were measured. positions: (n, 3) m in `table`. strengths: (n,) of their light at 1 m on a surface that faces them,
-    it falls with the square of the distance. ambient: light from everywhere, in the same unit; only the ratios count. A lamp that is not
-    where it is said to be does more harm (23 to 42 rpm) than light fitted to each burst."""
+class CalibratedLamps:
+    """Lamps whose places and strengths were measured.
+
+    A lamp that is not where it is said to be does more harm (23 to 42 rpm) than light that is fitted to each burst.
+
+    Attributes:
+        positions: (n, 3) m in `table`.
+        strengths: (n,), the light at 1 m on a surface that faces the lamp; it falls with the square of the distance. Only ratios count.
+        ambient: Light from everywhere, in the same unit.
+
+    Raises:
+        BadShape: There are not as many positions as strengths.
+        OutOfRange: A strength is negative.
+    """
 
     positions: Array
     strengths: Array
     ambient: float = 0.0
 
     def __post_init__(self) -> None:
+        """Copy and check the fields."""
         object.__setattr__(self, "positions", check_array("positions", self.positions, (-1, 3)))
         object.__setattr__(self, "strengths", check_array("strengths", self.strengths, (len(self.positions),)))
         check_range("strengths", float(self.strengths.min()), 0.0, math.inf)
         check_range("ambient", self.ambient, 0.0, math.inf)
 
-    def seen_by(self, cameras: Sequence[Camera]) -> Array:
-        """(cameras, n + 1, 4): position in the camera's frame and strength; the last row holds the ambient light."""
-        rows = [np.column_stack([self.positions @ c.rotation.T + c.translation, self.strengths]) for c in cameras]
-        return np.array([np.vstack([row, [0.0, 0.0, 0.0, self.ambient]]) for row in rows])
+    def seen_by(self, cameras: Sequence[Camera]) -> np.ndarray:
+        """Return the lamps in the frame of each camera, (cameras, n) LAMP."""
+        lamps = np.zeros((len(cameras), len(self.positions)), dtype=LAMP)
+        for row, camera in zip(lamps, cameras, strict=True):
+            row["x"], row["y"], row["z"] = (self.positions @ camera.rotation.T + camera.translation).T
+            row["strength"] = self.strengths
+        return lamps
 
 
-@dataclass(frozen=True, eq=False)
-class Light:
+class Illumination(NamedTuple):
     """What lights the ball in the images of a burst.
 
-    harmonics: (cameras, 16) grey levels of a white ball by its normal; zero where lamps are known. gloss: (cameras, 4), what shines from
-    marks and white alike. gains: (images,), because lamps flicker. lamps: Lamps.seen_by, (cameras, 0, 4) where they are not known.
+    Attributes:
+        harmonics: (cameras, 16) grey levels of a white ball by its normal, coefficients of `polynomials`; 0 where lamps are calibrated.
+        gloss: (cameras, 4), coefficients of what shines from marks and white alike.
+        gains: (images,), factor of each image, because lamps flicker.
+        lamps: (cameras, n) LAMP of calibrated lamps; n = 0 without.
+        ambient: Light from everywhere, of calibrated lamps.
     """
 
     harmonics: Array
     gloss: Array
     gains: Array
-    lamps: Array
-
-    @classmethod
-    def of(cls, stack: np.ndarray, normals: np.ndarray, views: Array, cameras: Sequence[Camera], lamps: Lamps | None) -> Light:
-        """Fitted to the images, or of known lamps; arrays as in `shade`."""
-        gloss = np.zeros((len(cameras), GLOSS))
-        if lamps is None:
-            harmonics, gains = _fit(stack, normals, len(cameras))
-            return cls(harmonics, gloss, gains, np.zeros((len(cameras), 0, 4)))
-        seen = lamps.seen_by(cameras)
-        return cls(np.zeros((len(cameras), HARMONICS)), gloss, _gains(stack, normals, views, seen), seen)
+    lamps: np.ndarray
+    ambient: float = 0.0
 
     @property
-    def known(self) -> bool:
-        """Whether the lamps are."""
+    def is_calibrated(self) -> bool:
+        """Whether the lamps are calibrated."""
         return self.lamps.shape[1] > 0
 
-    def again(self, stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray) -> Light:
-        """Fitted once more, with gloss, now that the marks are known; albedo: (images, size, size), 0 where it is not. Known lamps stay."""
-        if self.known:
-            return self
-        harmonics, gloss = _fit_to_marks(stack, normals, albedo, self.gains, len(self.harmonics))
-        return replace(self, harmonics=harmonics, gloss=gloss)
+
+class CameraLight(NamedTuple):
+    """The light of an Illumination in the images of one camera."""
+
+    harmonics: Array
+    gloss: Array
+    lamps: np.ndarray
+    ambient: float
+
+
+def fit_illumination(stack: np.ndarray, normals: np.ndarray, cameras: int) -> Illumination:
+    """Return the light that fits the images of a ball of which most is white.
+
+    Args:
+        stack: (images, size, size) float32 grey levels over the background, camera by camera.
+        normals: (images, size, size) NORMAL.
+        cameras: Number of cameras.
+    """
+    harmonics, gains = _fit(stack, normals, cameras)
+    return Illumination(harmonics, np.zeros((cameras, GLOSS)), gains, np.zeros((cameras, 0), dtype=LAMP))
+
+
+def lamp_illumination(
+    stack: np.ndarray, normals: np.ndarray, centres: Array, cameras: Sequence[Camera], lamps: CalibratedLamps
+) -> Illumination:
+    """Return the light of calibrated lamps, with the gain of each image.
+
+    Args:
+        stack: (images, size, size) float32 grey levels over the background, camera by camera.
+        normals: (images, size, size) NORMAL.
+        centres: (images, 3) m, the ball's centre in the camera's frame.
+        cameras: Who took the images.
+        lamps: The lamps.
+    """
+    light = Illumination(
+        np.zeros((len(cameras), HARMONICS)),
+        np.zeros((len(cameras), GLOSS)),
+        np.ones(len(stack)),
+        lamps.seen_by(cameras),
+        float(lamps.ambient),
+    )
+    return light._replace(gains=_gains(stack, normals, centres, light))
+
+
+def refit_illumination(light: Illumination, stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray) -> Illumination:
+    """Return the light, and the gloss, that fit the images best now that the marks are known. Calibrated lamps stay as they are.
+
+    Args:
+        light: The light so far.
+        stack: (images, size, size) float32 grey levels over the background.
+        normals: (images, size, size) NORMAL.
+        albedo: (images, size, size) float32, brightness of the surface, white is 1; 0 where it is not known.
+    """
+    if light.is_calibrated:
+        return light
+    harmonics, gloss = _fit_to_marks(stack, normals, albedo, light.gains, len(light.harmonics))
+    return light._replace(harmonics=harmonics, gloss=gloss)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def camera_light(light: Illumination, c: int) -> CameraLight:
+    """Return the light in the images of camera c."""
+    return CameraLight(light.harmonics[c], light.gloss[c], light.lamps[c], light.ambient)
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def level(x: float, y: float, z: float, cx: float, cy: float, cz: float, h: Array, lamps: Array) -> float:
-    """Grey level, before the gain, of a white ball around (cx, cy, cz) m where its outward normal is (x, y, -z), in the camera's frame.
+def white_level(x: float, y: float, z: float, cx: float, cy: float, cz: float, light: CameraLight) -> float:
+    """Return the grey level, before the gain and without gloss, of a white ball.
 
-    h: (16,) harmonics as in `polynomials`, and lamps: (n + 1, 4) of that camera.
+    Args:
+        x: Of the outward unit normal (x, y, -z) in the camera's frame; so are `y` and `z`.
+        y: See `x`.
+        z: See `x`.
+        cx: Of the ball's centre (cx, cy, cz) m in the camera's frame; so are `cy` and `cz`.
+        cy: See `cx`.
+        cz: See `cx`.
+        light: Of the camera.
     """
-    if len(lamps) == 0:
+    if len(light.lamps) == 0:
+        h = light.harmonics
         first = h[0] + x * (h[1] + x * (h[7] + x * h[9] + y * h[10]) + y * (h[4] + y * h[11])) + y * (h[2] + y * (h[8] + y * h[12]))
         return first + z * (h[3] + x * (h[6] + x * h[13] + y * h[14]) + y * (h[5] + y * h[15]))
-    light = lamps[-1, 3]
-    for k in range(len(lamps) - 1):
-        dx, dy, dz = lamps[k, 0] - cx - BALL_RADIUS * x, lamps[k, 1] - cy - BALL_RADIUS * y, lamps[k, 2] - cz + BALL_RADIUS * z
+    grey = light.ambient
+    for k in range(len(light.lamps)):
+        lamp = light.lamps[k]
+        dx, dy, dz = lamp.x - cx - BALL_RADIUS * x, lamp.y - cy - BALL_RADIUS * y, lamp.z - cz + BALL_RADIUS * z
         facing, square = dx * x + dy * y - dz * z, dx * dx + dy * dy + dz * dz
         if facing > 0.0:
-            light += lamps[k, 3] * facing / (square * math.sqrt(square))
-    return light
+            grey += lamp.strength * facing / (square * math.sqrt(square))
+    return grey
+
+
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+def gloss_level(x: float, y: float, z: float, light: CameraLight) -> float:
+    """Return the grey level, before the gain, that gloss adds where the outward unit normal is (x, y, -z) in the camera's frame."""
+    g = light.gloss
+    return g[0] + x * g[1] + y * g[2] + z * g[3]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def shade(normals: np.ndarray, views: Array, harmonics: Array, gloss: Array, gains: Array, lamps: Array) -> tuple[np.ndarray, np.ndarray]:
-    """(white, shine), both (images, size, size) float32: grey levels of a white ball, and what its gloss adds; 0 off the ball.
+def shade(normals: np.ndarray, centres: Array, light: Illumination) -> tuple[np.ndarray, np.ndarray]:
+    """Return the grey levels of a white ball, and what its gloss adds.
 
-    normals: (images, size, size, 4) in the camera's frame, z towards the camera, and the cosine to the line of sight. views: (images, 23).
+    Args:
+        normals: (images, size, size) NORMAL.
+        centres: (images, 3) m, the ball's centre in the camera's frame.
+        light: Of the images.
+
+    Returns:
+        White and gloss, both (images, size, size) float32, 0 off the ball.
     """
     images, size = normals.shape[0], normals.shape[1]
-    white, sheen = np.zeros(normals.shape[:3], dtype=np.float32), np.zeros(normals.shape[:3], dtype=np.float32)
-    cameras = len(harmonics)
+    white, sheen = np.zeros(normals.shape, dtype=np.float32), np.zeros(normals.shape, dtype=np.float32)
+    cameras = len(light.harmonics)
     for m in range(images):
-        c = m * cameras // images
-        of, adds, lit, gain = harmonics[c], gloss[c], lamps[c], gains[m]
-        cx, cy, cz = views[m, 9], views[m, 10], views[m, 11]
+        of_camera, gain = camera_light(light, m * cameras // images), light.gains[m]
+        cx, cy, cz = centres[m]
         for j in range(size):
             for i in range(size):
-                if normals[m, j, i, 3] > 0.0:
-                    x, y, z = normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2]
-                    white[m, j, i] = gain * level(x, y, z, cx, cy, cz, of, lit)
-                    sheen[m, j, i] = gain * (adds[0] + x * adds[1] + y * adds[2] + z * adds[3])
+                n = normals[m, j, i]
+                if n.cosine > 0.0:
+                    white[m, j, i] = gain * white_level(n.x, n.y, n.z, cx, cy, cz, of_camera)
+                    sheen[m, j, i] = gain * gloss_level(n.x, n.y, n.z, of_camera)
     return white, sheen
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gains(stack: np.ndarray, normals: np.ndarray, views: Array, lamps: Array) -> Array:
-    """(images,) median of grey level over the light of the lamps."""
-    images, size = stack.shape[0], stack.shape[1]
-    gains, ratios, unused = np.ones(images), np.empty(size * size), np.empty(0)
+def _gains(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illumination) -> Array:
+    """Return the gain (images,) of each image: the median of its grey levels over the light of the lamps."""
+    images, size, cameras = stack.shape[0], stack.shape[1], len(light.lamps)
+    gains, ratios = np.ones(images), np.empty(size * size)
     for m in range(images):
-        count, lit = 0, lamps[m * len(lamps) // images]
-        cx, cy, cz = views[m, 9], views[m, 10], views[m, 11]
+        count, of_camera = 0, camera_light(light, m * cameras // images)
+        cx, cy, cz = centres[m]
         for j in range(m % 3, size, 3):
             for i in range(size):
-                if normals[m, j, i, 3] > 0.5:
-                    light = level(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], cx, cy, cz, unused, lit)
-                    if light > 0.0:
-                        ratios[count] = stack[m, j, i] / light
+                n = normals[m, j, i]
+                if n.cosine > 0.5:
+                    white = white_level(n.x, n.y, n.z, cx, cy, cz, of_camera)
+                    if white > 0.0:
+                        ratios[count] = stack[m, j, i] / white
                         count += 1
         if count > 0:
             gains[m] = np.median(ratios[:count])
@@ -142,7 +239,7 @@ def _gains(stack: np.ndarray, normals: np.ndarray, views: Array, lamps: Array) -
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def polynomials(x: float, y: float, z: float, out: Array) -> None:
-    """Polynomials that span the spherical harmonics up to third order."""
+    """Fill `out` (16,) with the polynomials of a unit normal that span the spherical harmonics up to third order."""
     out[0], out[1], out[2], out[3] = 1.0, x, y, z
     out[4], out[5], out[6], out[7], out[8] = x * y, y * z, z * x, x * x, y * y
     out[9], out[10], out[11], out[12] = x * x * x, x * x * y, x * y * y, y * y * y
@@ -151,7 +248,7 @@ def polynomials(x: float, y: float, z: float, out: Array) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, Array]:
-    """(cameras, 16) light on a white surface by its normal, and (images,) gain of each image; marks are left out step by step."""
+    """Return the light (cameras, 16) on a white surface by its normal, and the gain (images,) of each image; marks are left out."""
     images, size = stack.shape[0], stack.shape[1]
     frames = images // cameras
     light, gains = np.zeros((cameras, HARMONICS)), np.ones(images)
@@ -163,8 +260,9 @@ def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, A
             m = c * frames + k
             for j in range(m % 4, size, 4):
                 for i in range(m % 4, size, 4):
-                    if normals[m, j, i, 3] >= LIMB:
-                        polynomials(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
+                    normal = normals[m, j, i]
+                    if normal.cosine >= LIMB:
+                        polynomials(normal.x, normal.y, normal.z, h)
                         columns[:, n], values[n] = h, stack[m, j, i]
                         n += 1
             ends[k] = n
@@ -192,7 +290,7 @@ def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, A
 
 @njit(cache=True, nogil=True)
 def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, gains: Array, cameras: int) -> tuple[Array, Array]:
-    """(cameras, 16) light and (cameras, 4) gloss with which the marks give the images best, pixel by pixel where `albedo` is known."""
+    """Return the light (cameras, 16) and the gloss (cameras, 4) with which the marks give the images best, where `albedo` is known."""
     images, size = stack.shape[0], stack.shape[1]
     frames, both = images // cameras, HARMONICS + GLOSS
     light, gloss, h = np.zeros((cameras, HARMONICS)), np.zeros((cameras, GLOSS)), np.empty(HARMONICS)
@@ -203,9 +301,10 @@ def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, ga
         for m in range(c * frames, (c + 1) * frames):
             for j in range(m % 3, size, 3):
                 for i in range(m % 3, size, 3):
-                    if normals[m, j, i, 3] < LIMB or albedo[m, j, i] <= 0.0:
+                    normal = normals[m, j, i]
+                    if normal.cosine < LIMB or albedo[m, j, i] <= 0.0:
                         continue
-                    polynomials(normals[m, j, i, 0], normals[m, j, i, 1], normals[m, j, i, 2], h)
+                    polynomials(normal.x, normal.y, normal.z, h)
                     columns[:HARMONICS, n], columns[HARMONICS:, n] = albedo[m, j, i] * h, h[:GLOSS]
                     gain[n], values[n] = gains[m], stack[m, j, i]
                     n += 1
@@ -220,7 +319,7 @@ def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, ga
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _products(columns: Array, factors: Array, n: int) -> Array:
-    """(n,) of the first n entries of the columns (p, most), times factors (p,)."""
+    """Return factors (p,) times the first n entries of the columns (p, most), (n,)."""
     out = np.zeros(n)
     for p in range(len(factors)):
         for i in range(n):
@@ -230,7 +329,7 @@ def _products(columns: Array, factors: Array, n: int) -> Array:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _normal_equations(columns: Array, gain: Array, values: Array, n: int) -> tuple[Array, Array]:
-    """(p, p) and (p,) of the first n equations gain * columns = values; columns: (p, most)."""
+    """Return the normal matrix (p, p) and right side (p,) of the first n equations gain * columns = values; columns: (p, most)."""
     unknowns = len(columns)
     scaled, a, b = columns[:, :n] * gain[:n], np.empty((unknowns, unknowns)), np.empty(unknowns)
     for p in range(unknowns):

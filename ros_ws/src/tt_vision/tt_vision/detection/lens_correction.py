@@ -1,6 +1,6 @@
-"""Lenses that bend the image: a burst is resampled, around the ball, as a camera without distortion would see it.
+"""Correction of lens distortion: a burst is resampled, around the ball, as a camera without distortion would see it.
 
-The kernels of the measurement know little distortion, which the narrow views of the high speed cameras have. Every model of OpenCV is
+The kernels of the measurement undo little distortion, which the narrow views of the high speed cameras have. Every model of OpenCV is
 undone here by OpenCV, once for each burst.
 """
 
@@ -18,15 +18,25 @@ from tt_core.images import MOST_PIXELS
 from tt_core.states import Array
 
 from ..camera import Camera
-from .ball_detection import MARGIN, Spot, find_ball
+from ..capture.burst import BallDetection, Burst
+from .ball_detection import MARGIN
 
 COUNTS = (4, 5, 8, 12, 14)  # coefficients of OpenCV's models
 LITTLE = 1.0  # pixels, a shift that the kernels of the measurement undo themselves when it has the form of plumb_bob
 SQUARE = 0.01  # pixels, by which the mean of the two focal lengths may miss a pixel of the image
 INVERSE = 0.01  # pixels, by which OpenCV's inverse may miss a pixel of the image
-ROOM = 0.5  # radii around a ball, for one that was only glanced at
+ROOM = 0.5  # radii around a ball that are resampled with it: where it is is known roughly only
 GRID = 9  # points along each side of the image at which a lens is checked
 _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
+
+
+class CannotUndistort(TtError):
+    """A distortion that cannot be undone everywhere in the image."""
+
+    def __init__(self, distortion: Array, pixel: Array, off: float) -> None:
+        """Keep the distortion, the worst pixel, and by how many pixels it is missed."""
+        super().__init__(f"distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels")
+        self.distortion, self.pixel, self.off = distortion, pixel, off
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +48,11 @@ class Lens:
         distortion: (n,) in the order of OpenCV, n one of COUNTS.
         width: Pixels.
         height: Pixels.
+
+    Raises:
+        BadShape: An array has the wrong shape.
+        OutOfRange: The focal lengths differ by more than a factor of two.
+        CannotUndistort: The distortion cannot be undone everywhere in the image.
     """
 
     matrix: Array
@@ -46,7 +61,7 @@ class Lens:
     height: int
 
     def __post_init__(self) -> None:
-        """Raise TtError for a distortion that cannot be undone everywhere in the image."""
+        """Copy the arrays and refuse what cannot be undone."""
         object.__setattr__(self, "matrix", check_array("matrix", self.matrix, (3, 3)))
         object.__setattr__(self, "distortion", check_array("distortion", self.distortion, (-1,)))
         if len(self.distortion) not in COUNTS:
@@ -56,23 +71,24 @@ class Lens:
         off = np.linalg.norm(self.project(self.directions(pixels)) - pixels, axis=1)
         if not (off < INVERSE).all():
             worst = np.argmax(np.nan_to_num(off, nan=np.inf))
-            raise TtError(f"distortion {self.distortion} cannot be undone at pixel {pixels[worst]}: off by {off[worst]:.3g} pixels")
+            raise CannotUndistort(self.distortion, pixels[worst], float(off[worst]))
 
     @property
     def focal_pixels(self) -> float:
-        """Mean of both focal lengths."""
+        """The mean of both focal lengths, pixels."""
         return 0.5 * float(self.matrix[0, 0] + self.matrix[1, 1])
 
     def directions(self, pixels: Array) -> Array:
-        """(n, 3) rays of pixels (n, 2) in the camera's frame, z = 1."""
+        """Return the directions (n, 3), with z = 1, of pixels (n, 2) in the camera's frame."""
         across = cv2.undistortPoints(pixels[:, None], self.matrix, self.distortion, criteria=_PRECISE)[:, 0]
         return np.column_stack([across, np.ones(len(pixels))])
 
     def project(self, points: Array) -> Array:
-        """(n, 2) pixels of points (n, 3) in the camera's frame."""
+        """Return the pixels (n, 2) of points (n, 3) in the camera's frame."""
         return np.asarray(cv2.projectPoints(points, np.zeros(3), np.zeros(3), self.matrix, self.distortion)[0][:, 0], dtype=np.float64)
 
     def _grid(self) -> Array:
+        """Return pixels (GRID^2, 2) spread over the image."""
         u, v = np.meshgrid(np.linspace(0.0, self.width - 1.0, GRID), np.linspace(0.0, self.height - 1.0, GRID))
         return np.column_stack([u.ravel(), v.ravel()])
 
@@ -96,26 +112,22 @@ class Lens:
             distortion=self.distortion[:5],
         )
 
-    def straighten(self, images: np.ndarray, spots: Sequence[Spot], pose: Camera) -> tuple[np.ndarray, Sequence[Spot], Camera]:
-        """Return a burst as `measure` takes it: as it is if the lens is nearly straight, and else resampled.
-
-        It is resampled as a camera without distortion would see it that stands in the same place and is turned towards the ball.
+    def resampled(self, images: np.ndarray, detections: Sequence[BallDetection], pose: Camera) -> tuple[np.ndarray, Camera]:
+        """Return the images as a camera without distortion would see them that stands in the same place and is turned towards the ball.
 
         Args:
             images: (k, h, w) uint8 or uint16.
-            spots: Where the ball is in each of them.
+            detections: Where the ball is in each of them.
             pose: The camera's pose; its intrinsics do not count.
 
         Returns:
-            Images (k, h', w'), where the ball is in them, and their camera.
+            Images (k, h', w') of the region around the ball, and their camera.
 
         Raises:
-            TtError: The region is larger than MOST_PIXELS.
+            OutOfRange: The region is larger than MOST_PIXELS.
         """
-        if self.is_nearly_straight:
-            return images, spots, self.camera(pose)
         square = np.array([(a, b) for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)])
-        around = [(spot.u, spot.v) + ((1.0 + ROOM) * spot.radius + MARGIN) * square for spot in spots]
+        around = [(ball.u, ball.v) + ((1.0 + ROOM) * ball.radius + MARGIN) * square for ball in detections]
         rays = self.directions(np.clip(np.concatenate(around), 0.0, (self.width - 1.0, self.height - 1.0)))
         towards = rays.mean(axis=0)
         turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [towards])[0].as_matrix()
@@ -129,5 +141,29 @@ class Lens:
         maps = cv2.initUndistortRectifyMap(self.matrix, self.distortion, turn, matrix, (width, height), cv2.CV_32FC1)
         resampled = np.array([cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for image in images])
         camera = Lens(matrix, np.zeros(5), width, height).camera(pose)
-        turned = replace(camera, rotation=turn @ pose.rotation, translation=turn @ pose.translation)
-        return resampled, [find_ball(image) for image in resampled], turned
+        return resampled, replace(camera, rotation=turn @ pose.rotation, translation=turn @ pose.translation)
+
+
+def straighten(burst: Burst, lenses: Sequence[Lens], poses: Sequence[Camera]) -> Burst:
+    """Return a burst that is taken by cameras with little distortion.
+
+    Images through a nearly straight lens stay as they are. Others are resampled, and the ball has to be looked for in them again.
+
+    Args:
+        burst: A burst with detections, of which every image shows the whole ball.
+        lenses: The lens of each camera.
+        poses: The pose of each camera; its intrinsics do not count.
+
+    Raises:
+        OutOfRange: The region around the ball is larger than MOST_PIXELS.
+    """
+    images, cameras, detections = list[np.ndarray](), list[Camera](), list[tuple[BallDetection, ...]]()
+    for stack, found, lens, pose in zip(burst.images, burst.detections, lenses, poses, strict=True):
+        if lens.is_nearly_straight:
+            camera = lens.camera(pose)
+        else:
+            (stack, camera), found = lens.resampled(stack, found, pose), ()
+        images.append(stack)
+        cameras.append(camera)
+        detections.append(found)
+    return replace(burst, images=tuple(images), cameras=tuple(cameras), detections=tuple(detections))

@@ -1,5 +1,27 @@
 """The spin of the ball from its surface."""
 
-from .estimate import SpinEstimate, estimate_spin
+from __future__ import annotations
 
-__all__ = ["SpinEstimate", "estimate_spin"]
+from typing import TYPE_CHECKING
+
+from ..exports import lazy_exports
+
+if TYPE_CHECKING:
+    from ..measure import estimate_spin
+    from .estimate import SpinEstimate, SpinReason
+    from .registration import Registration, SearchParams
+    from .surface_map import SurfaceMap
+
+__all__ = ["Registration", "SearchParams", "SpinEstimate", "SpinReason", "SurfaceMap", "estimate_spin"]
+
+__getattr__ = lazy_exports(
+    __name__,
+    {
+        "estimate_spin": "tt_vision.measure",
+        "SpinEstimate": "tt_vision.spin.estimate",
+        "SpinReason": "tt_vision.spin.estimate",
+        "Registration": "tt_vision.spin.registration",
+        "SearchParams": "tt_vision.spin.registration",
+        "SurfaceMap": "tt_vision.spin.surface_map",
+    },
+)

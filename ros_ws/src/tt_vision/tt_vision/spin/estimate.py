@@ -1,122 +1,69 @@
-"""The spin of the ball from a burst of images (dissertation Sections 2.3 and 2.4, and a registration without initial guess)."""
+"""The spin with its covariance, from the last registration of a burst."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
-from tt_core.errors import BadShape, TtError, check_array
+from tt_core.failures import Failure
 from tt_core.states import Array
 
-from ..camera import Camera
-from ..detection.ball_detection import Image, Spot, find_ball
-from ..detection.illumination import Lamps
-from ..motion_fit import Motion, fit_motion
-from .dissertation import method_1, method_2
-from .limb_refinement import look_again
-from .registration import DEFAULT, GATE, SearchParams, judged, register
-from .surface_map import DULL, unwrap
+from .registration import Registration
 
-SYSTEMATIC = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
+NOISE_FLOOR = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
 CORRELATED = 1.5  # neighbouring points share pixels: the least squares counts each pixel that often
-KNOWN, FIRST, ALONE = 0.75, 1.5, 3.0  # times SYSTEMATIC: with known lamps, without a second look, with one camera
-HOPELESS = 0.2  # residual beyond which no look at the outline helps; a ball half in the dark, 1.6 mm out of place, has 0.12
-UNKNOWN = 1e6  # (rad/s)^2
-PRINTED = {"liu": method_2, "correlation": method_1}
+CALIBRATED_LIGHT, NOT_REFINED, ONE_CAMERA = 0.75, 1.5, 3.0  # factors of NOISE_FLOOR; the second one holds without refined outlines
+UNKNOWN = 1e6  # (rad/s)^2, variance of a spin that is not known
+
+
+class SpinReason(Enum):
+    """Why there is no estimate of the spin: codes of `tt_core.failures.Failure`."""
+
+    FEW_FRAMES = "{frames} frames cannot tell a spin"
+    NO_MARKS = "no marks on the ball"
+    NO_AGREEMENT = "marks do not agree between frames (residual {residual:.2f})"
 
 
 @dataclass(frozen=True, eq=False)
 class SpinEstimate:
-    """spin: (3,) rad/s in `table`; covariance: (3, 3), large for the printed methods, which tell none. residual: 0 for marks that agree in
-    all images, 1 for unrelated ones; of the printed methods E (2.32) and V (2.21).
+    """The spin of the ball.
 
-    reason: None, or why there is no estimate: then spin is zero and the covariance large. iterations: rotations tried or steps taken.
+    Attributes:
+        spin: (3,) rad/s in `table`; 0 without an estimate.
+        covariance: (3, 3); large without an estimate, and for the dissertation's methods, which tell none.
+        residual: 0 for marks that agree in all images, 1 for unrelated ones; of the dissertation's methods E (2.32) and V (2.21).
+        reason: Why there is no estimate, or None.
+        iterations: Rotations tried, or steps taken.
     """
 
     spin: Array
     covariance: Array
     residual: float
-    reason: str | None = None
+    reason: Failure | None = None
     iterations: int = 0
 
+    @classmethod
+    def refused(cls, reason: Failure, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
+        """Return that there is no estimate, and why."""
+        return cls(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
 
-def estimate_spin(
-    frames: Sequence[Sequence[Image]],
-    times: Array,
-    cameras: Sequence[Camera],
-    *,
-    method: str = "registration",
-    motion: Motion | None = None,
-    spots: Sequence[Sequence[Spot]] | None = None,
-    lamps: Lamps | None = None,
-    search: SearchParams = DEFAULT,
-) -> SpinEstimate:
-    """Spin from images that all show the whole ball.
+    @classmethod
+    def without_covariance(cls, spin: Array, residual: float, iterations: int) -> SpinEstimate:
+        """Return an estimate by a method that tells no covariance."""
+        return cls(spin, UNKNOWN * np.eye(3), residual, None, iterations)
 
-    frames: [camera][frame] of (h, w) uint8 or uint16. times: (frames,) s, rising, middle of the exposures. motion, spots: when already
-    known. lamps: when calibrated; otherwise light is fitted to the burst. search: how much is spent.
-    method: "registration", every rotation up to 66 deg between frames is tried; "liu", Method 2 of the dissertation; "correlation", its
-    Method 1. Raises TtError for arguments that do not fit together.
+
+def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool) -> SpinEstimate:
+    """Return a registration's spin with its covariance: that of the least squares, and what noise does not explain.
+
+    Args:
+        found: The last registration of a burst.
+        cameras: Number of cameras.
+        is_refined: Whether outlines were found again with the marks known.
+        is_light_calibrated: Whether the lamps are calibrated.
     """
-    times = check_times(times)
-    check_frames(frames, len(times), len(cameras))
-    if len(times) < 2:
-        return refused(f"{len(times)} frames cannot tell a spin")
-    spots = spots if spots is not None else [[find_ball(image) for image in row] for row in frames]
-    for row in spots:
-        for spot in row:
-            if spot.reason is not None:
-                return refused(spot.reason)
-    if method == "registration":
-        return spin_and_motion(frames, times, cameras, motion or fit_motion(frames, spots, times, cameras), spots, lamps, search)[0]
-    if method in PRINTED:
-        spin, residual, iterations = PRINTED[method](frames, spots, times, cameras)
-        return SpinEstimate(spin, UNKNOWN * np.eye(3), residual, None, iterations)
-    raise TtError(f"method {method!r} is none of 'registration', 'liu', 'correlation'")
-
-
-def spin_and_motion(
-    frames: Sequence[Sequence[Image]],
-    times: Array,
-    cameras: Sequence[Camera],
-    motion: Motion,
-    spots: Sequence[Sequence[Spot]],
-    lamps: Lamps | None = None,
-    search: SearchParams = DEFAULT,
-) -> tuple[SpinEstimate, Motion]:
-    """The spin by registration, and the motion, which is better known with it: arguments as those of `estimate_spin`, all checked."""
-    backgrounds = np.array([[spot.background for spot in row] for row in spots])
-    surface = unwrap(frames, backgrounds, motion.positions(times), motion.alignment, times - np.mean(times), cameras, lamps)
-    if surface.contrast < DULL:
-        return refused("no marks on the ball"), motion
-    found = register(surface, search)
-    if search.second_look and GATE < found.residual < HOPELESS:
-        surface, found, motion = look_again(frames, spots, times, cameras, surface, found, motion, search)
-        found = judged(surface, found, search)
-    if found.residual > GATE:
-        return refused(f"marks do not agree between frames (residual {found.residual:.2f})", found.residual, found.candidates), motion
-    if search.second_look:
-        _, found, motion = look_again(frames, spots, times, cameras, surface, found, motion, search)
-    certain = (FIRST if not search.second_look else 1.0 if lamps is None else KNOWN) * (ALONE if len(cameras) == 1 else 1.0)
-    systematic = certain * np.hypot(SYSTEMATIC[0], SYSTEMATIC[1] * np.linalg.norm(found.spin))
-    covariance = CORRELATED * np.linalg.inv(found.information) + systematic**2 * np.eye(3)
-    return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates), motion
-
-
-def refused(reason: str, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
-    return SpinEstimate(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
-
-
-def check_times(times: Array) -> Array:
-    """(k,) s, rising; raises TtError."""
-    times = check_array("times", times, (-1,))
-    if (np.diff(times) <= 0.0).any():
-        raise TtError(f"times must rise, got {times}")
-    return times
-
-
-def check_frames(frames: Sequence[Sequence[Image]], count: int, cameras: int) -> None:
-    """Raises BadShape unless there are `count` images from each of `cameras` cameras."""
-    if len(frames) != cameras or any(len(row) != count for row in frames):
-        raise BadShape("frames", (len(frames), *(len(row) for row in frames)), f"{cameras} cameras x {count} frames")
+    factor = (NOT_REFINED if not is_refined else CALIBRATED_LIGHT if is_light_calibrated else 1.0) * (ONE_CAMERA if cameras == 1 else 1.0)
+    floor = factor * np.hypot(NOISE_FLOOR[0], NOISE_FLOOR[1] * np.linalg.norm(found.spin))
+    covariance = CORRELATED * np.linalg.inv(found.information) + floor**2 * np.eye(3)
+    return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates)

@@ -12,7 +12,7 @@ from tt_core.states import Array
 
 @functools.cache
 def fibonacci(n: int) -> Array:
-    """(n, 3) unit vectors, evenly spread."""
+    """Return n unit vectors (n, 3), evenly spread over the sphere: the Fibonacci lattice."""
     i = np.arange(n) + 0.5
     z = 1.0 - 2.0 * i / n
     angle = math.pi * (3.0 - math.sqrt(5.0)) * i
@@ -21,13 +21,16 @@ def fibonacci(n: int) -> Array:
 
 @functools.cache
 def cube(n: int, edge: int) -> np.ndarray:
-    """(6, edge, edge) the nearest of fibonacci(n) for each direction on a cube."""
+    """Return the index of the nearest of fibonacci(n) for each texel on the faces of a cube, (6, edge, edge) int16.
+
+    The faces are +x, -x, +y, -y, +z, -z.
+    """
     return _make_cube(fibonacci(n), edge)
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def nearest(cube: np.ndarray, x: float, y: float, z: float) -> int:
-    """The point nearest to the direction (x, y, z), to a texel of the cube."""
+    """Return the index of the point nearest to the direction (x, y, z), to a texel of the cube."""
     n = cube.shape[1]
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:

@@ -5,117 +5,182 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.constants import BALL_RADIUS
 from tt_core.states import Array
 
-from ..camera import Camera, project_point, ray
-from ..detection.ball_detection import Image
-from ..detection.illumination import LIMB, Lamps, Light, shade
+from ..capture.burst import Burst, Image
+from ..detection.illumination import LIMB, NORMAL, CalibratedLamps, Illumination, fit_illumination, lamp_illumination, shade
+from ..motion_fit import BallMotion
+from ..projection import Optics, project_point, ray
 
-FULL = 0.55  # and above which it counts fully
-DIM = 0.15  # of the brightest light: below it marks drown in noise
+FULL_WEIGHT = 0.55  # cosine to the line of sight from which on a pixel counts fully; below LIMB it does not count
+LEAST_COSINE = 0.05  # to the line of sight, below which nothing is divided by the light
+LEAST_LIGHT = 0.15  # of the brightest pixel: below it marks drown in noise
+FULL_LIGHT = 0.5  # of the brightest pixel: from there on a pixel counts fully
+MARK_RANGE = (-0.3, 1.5)  # brightness that a mark may have; white is 1
 BORDER = 4  # pixels around the ball that are cut out with it
-SOFT = 1.0  # pixels of half the resolution, sigma of the blur for the coarse search
-DULL = 0.004  # variance of the marks, relative to white, below which the ball is taken as bare: bare balls reach 0.0005, 2 % of marks 0.006
+SOFT_SIGMA = 1.0  # pixels of half the resolution, sigma of the blur for the coarse search
+LEAST_CONTRAST = (
+    0.004  # variance of the marks, of white squared, below which the ball is taken as bare: bare balls reach 0.0005, 2 % of marks 0.006
+)
+
+VIEW = np.dtype(
+    [
+        ("rotation", "f8", (3, 3)),
+        ("centre", "f8", (3,)),
+        ("focal", "f8"),
+        ("principal_point", "f8", (2,)),
+        ("distortion", "f8", (5,)),
+        ("towards_camera", "f8", (3,)),
+    ]
+)
+"""How a camera sees the ball in one image.
+
+rotation: from `table` to the camera's frame. centre: of the ball in the camera's frame, m, aligned to its outline. focal, principal_point:
+pixels, counted from the corner of what is cut out. distortion: k1, k2, p1, p2, k3. towards_camera: unit vector from the ball to the camera
+in `table`.
+"""
+
+MARK = np.dtype([("brightness", "f4"), ("weight", "f4"), ("slope_u", "f4"), ("slope_v", "f4")])
+"""The surface in one pixel. brightness: white is 1, marks are near 0. weight: 0 where nothing is known. slopes: of the brightness, by pixel
+along the row and along the column."""
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """The ball's surface in every image of a burst, light divided out: white is 1, marks near 0.
+class MarkImages(NamedTuple):
+    """The marks in every image of a burst, as the kernels compare them.
 
-    marks: (images, n, n, 4) float32, cut out around the ball: brightness, its weight, 0 where nothing is known, and the slopes of the
-    brightness along row and column. soft: (images, n / 2, n / 2, 4), the same, blurred and of half the size, for coarse search. views:
-    (images, 23), as Camera.vector but with the ball's centre, aligned to its outline, in place of the translation and the principal point
-    counted from the cut's corner; then the unit vector from ball to camera in `table`. frame: (images,) which. times: (frames,) s from the
-    middle of the burst. contrast, soft_contrast: variances of the brightness in `marks` and `soft`. stack: (images, n, n) float32 grey
-    levels over the background, and normals: (images, n, n, 4), from which marks came by `light`.
+    Attributes:
+        marks: (images, n, n) MARK, cut out around the ball, camera by camera.
+        views: (images,) VIEW.
+        frame_of: (images,) which frame an image is of.
+        times: (frames,) s, from the middle of the burst on.
     """
 
     marks: np.ndarray
-    soft: np.ndarray
-    views: Array
-    frame: np.ndarray
+    views: np.ndarray
+    frame_of: npt.NDArray[np.int64]
     times: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMap:
+    """The ball's surface in every image of a burst, the light divided out.
+
+    Attributes:
+        sharp: The marks as they are.
+        soft: The marks blurred, at half the resolution, for the coarse search.
+        contrast: Variance of the brightness in `sharp`.
+        soft_contrast: Variance of the brightness in `soft`.
+        stack: (images, n, n) float32 grey levels over the background, from which the marks come.
+        normals: (images, n, n) NORMAL.
+        illumination: The light that is divided out.
+    """
+
+    sharp: MarkImages
+    soft: MarkImages
     contrast: float
     soft_contrast: float
     stack: np.ndarray
     normals: np.ndarray
-    light: Light
+    illumination: Illumination
 
-    @property
-    def soft_views(self) -> Array:
-        """(images, 23), `views` of `soft`."""
-        views = self.views.copy()
-        views[:, 12:15] = 0.5 * views[:, 12:15] - [0.0, 0.25, 0.25]
-        return views
+    def lit_by(self, light: Illumination) -> SurfaceMap:
+        """Return the map under another light; `soft` is left as it is."""
+        white, gloss = shade(self.normals, self.sharp.views["centre"], light)
+        marks = _with_slopes(*_divide(self.stack, self.normals, white, gloss))
+        return replace(self, sharp=self.sharp._replace(marks=marks), illumination=light)
 
-    def lit(self, light: Light) -> Surface:
-        """Marks and weights under another light; `soft` is left as it is."""
-        white, shine = shade(self.normals, self.views, light.harmonics, light.gloss, light.gains, light.lamps)
-        return replace(self, marks=_sloped(*_divide(self.stack, self.normals, white, shine)), light=light)
-
-    def at(self, positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Surface:
-        """The same marks on a ball that is elsewhere, by a part of a pixel."""
-        views = self.views.copy()
-        for view, fresh in zip(views, _views(positions, alignment, cameras), strict=True):
-            view[9:12], view[20:] = fresh[9:12], fresh[20:]
-        return replace(self, views=views)
+    def moved_to(self, motion: BallMotion, burst: Burst) -> SurfaceMap:
+        """Return the same marks on a ball that is elsewhere by a part of a pixel."""
+        moved = []
+        for images in (self.sharp, self.soft):
+            views, fresh = images.views.copy(), _views(motion, burst)
+            views["centre"], views["towards_camera"] = fresh["centre"], fresh["towards_camera"]
+            moved.append(images._replace(views=views))
+        return replace(self, sharp=moved[0], soft=moved[1])
 
 
-def unwrap(
-    frames: Sequence[Sequence[Image]],
-    backgrounds: Array,
-    positions: Array,
-    alignment: Array,
-    times: Array,
-    cameras: Sequence[Camera],
-    lamps: Lamps | None = None,
-) -> Surface:
-    """frames: [camera][frame]. backgrounds: (cameras, frames) grey levels. positions: (frames, 3) m. alignment: (cameras, 2) pixels.
-    lamps: where they are known; without them the light is fitted to the burst."""
-    table, cuts = _views(positions, alignment, cameras), []
-    reach = float((table[:, 12] * BALL_RADIUS / table[:, 11]).max())
+def map_surface(burst: Burst, motion: BallMotion, lamps: CalibratedLamps | None = None) -> SurfaceMap:
+    """Cut the ball out of every image of a burst, and divide the light out.
+
+    Args:
+        burst: A burst with cameras and detections.
+        motion: Where the ball is.
+        lamps: Calibrated lamps; None: the light is fitted to the burst.
+    """
+    views, cuts = _views(motion, burst), []
+    reach = float((views["focal"] * BALL_RADIUS / views["centre"][:, 2]).max())
     size = 2 * (math.ceil(reach) + BORDER)
-    count = len(positions)
-    for m, view in enumerate(table):
-        corner = [round(x) - size // 2 for x in project_point(view, *view[9:12])]
-        view[13:15] -= corner
-        cuts.append(_cut(frames[m // count][m % count], corner, size) - np.float32(backgrounds[m // count, m % count]))
+    corners = np.rint(_middles(views)).astype(np.int64) - size // 2
+    views["principal_point"] -= corners
+    for m, corner in enumerate(corners.tolist()):
+        c, k = divmod(m, len(burst))
+        cuts.append(_cut(burst.images[c][k], corner, size) - np.float32(burst.detections[c][k].background))
     stack = np.array(cuts, dtype=np.float32)
-    normals = _normals(size, table)
-    light = Light.of(stack, normals, table, cameras, lamps)
-    white, shine = shade(normals, table, light.harmonics, light.gloss, light.gains, light.lamps)
-    marks, weights = _divide(stack, normals, white, shine)
-    sums, mass = (cv2.resize(x.reshape(-1, size), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for x in (marks * weights, weights))
-    # one ball above the other, far enough apart for the blur
-    blurred = cv2.GaussianBlur(sums, (0, 0), SOFT) / np.maximum(cv2.GaussianBlur(mass, (0, 0), SOFT), 1e-3)
-    soft, soft_weights = (x.reshape(len(marks), size // 2, size // 2).astype(np.float32, copy=False) for x in (blurred, mass))
-    frame, from_middle = np.arange(len(table)) % count, np.asarray(times, dtype=np.float64)
-    contrast, soft_contrast = _variance(marks, weights), _variance(soft, soft_weights)
-    return Surface(
-        _sloped(marks, weights), _sloped(soft, soft_weights), table, frame, from_middle, contrast, soft_contrast, stack, normals, light
+    normals = _normals(size, views)
+    centres = np.ascontiguousarray(views["centre"])
+    if lamps is None:
+        light = fit_illumination(stack, normals, len(burst.cameras))
+    else:
+        light = lamp_illumination(stack, normals, centres, burst.cameras, lamps)
+    white, gloss = shade(normals, centres, light)
+    brightness, weights = _divide(stack, normals, white, gloss)
+    soft, soft_weights = _halved(brightness, weights)
+    frame_of = np.arange(len(views)) % len(burst)
+    return SurfaceMap(
+        sharp=MarkImages(_with_slopes(brightness, weights), views, frame_of, burst.from_middle),
+        soft=MarkImages(_with_slopes(soft, soft_weights), _halved_views(views), frame_of, burst.from_middle),
+        contrast=_variance(brightness, weights),
+        soft_contrast=_variance(soft, soft_weights),
+        stack=stack,
+        normals=normals,
+        illumination=light,
     )
 
 
-def _views(positions: Array, alignment: Array, cameras: Sequence[Camera]) -> Array:
-    """(images, 23), Surface.views with the principal point still counted from the image's corner."""
-    out = []
-    for camera, (du, dv) in zip(cameras, alignment, strict=True):
+def _views(motion: BallMotion, burst: Burst) -> np.ndarray:
+    """Return (images,) VIEW with the principal point still counted from the image's corner."""
+    positions, rows = motion.positions(burst.times), []
+    for camera, (du, dv) in zip(burst.cameras, motion.alignment, strict=True):
         centres = positions @ camera.rotation.T + camera.translation
         centres[:, 0] += du * centres[:, 2] / camera.focal_pixels
         centres[:, 1] += dv * centres[:, 2] / camera.focal_pixels
-        view = np.tile(camera.vector, (len(centres), 1))
-        view[:, 9:12] = centres
-        out.append(np.hstack([view, -(centres @ camera.rotation) / np.linalg.norm(centres, axis=1, keepdims=True)]))
-    return np.concatenate(out)
+        row = np.zeros(len(centres), dtype=VIEW)
+        row["rotation"], row["centre"], row["focal"] = camera.rotation, centres, camera.focal_pixels
+        row["principal_point"], row["distortion"] = camera.principal_point, camera.distortion
+        row["towards_camera"] = -(centres @ camera.rotation) / np.linalg.norm(centres, axis=1, keepdims=True)
+        rows.append(row)
+    return np.concatenate(rows)
+
+
+def _halved_views(views: np.ndarray) -> np.ndarray:
+    """Return views of images of half the resolution."""
+    halved = views.copy()
+    halved["focal"] = 0.5 * views["focal"]
+    halved["principal_point"] = 0.5 * views["principal_point"] - 0.25
+    return halved
+
+
+def _halved(brightness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return brightness and weights (images, n / 2, n / 2) float32, blurred and of half the resolution."""
+    count, size = brightness.shape[:2]
+    sums, mass = (
+        cv2.resize(x.reshape(-1, size), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for x in (brightness * weights, weights)
+    )
+    # one ball above the other, far enough apart for the blur
+    blurred = cv2.GaussianBlur(sums, (0, 0), SOFT_SIGMA) / np.maximum(cv2.GaussianBlur(mass, (0, 0), SOFT_SIGMA), 1e-3)
+    shape = count, size // 2, size // 2
+    return blurred.reshape(shape).astype(np.float32, copy=False), mass.reshape(shape).astype(np.float32, copy=False)
 
 
 def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
-    """(size, size) of the image, its edge continued outside."""
+    """Return a square (size, size) of the image from a corner (u, v) on, its edge continued outside."""
     u, v = corner
     height, width = image.shape
     if u >= 0 and v >= 0 and u + size <= width and v + size <= height:
@@ -123,17 +188,35 @@ def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
     return image[np.clip(np.arange(v, v + size), 0, height - 1)[:, None], np.clip(np.arange(u, u + size), 0, width - 1)]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _normals(size: int, views: Array) -> np.ndarray:
-    """(images, size, size, 4) float32: outward unit normal in the camera's frame and its cosine to the line of sight; 0 off the ball."""
-    out, per_radius = np.zeros((len(views), size, size, 4), dtype=np.float32), 1.0 / BALL_RADIUS
+@njit(cache=True, nogil=True, forceinline=True)
+def view_optics(view: np.ndarray) -> Optics:
+    """Return the intrinsics of a VIEW."""
+    d = view.distortion  # type: ignore[attr-defined]
+    u0, v0 = view.principal_point[0], view.principal_point[1]  # type: ignore[attr-defined]
+    return Optics(view.focal, u0, v0, d[0], d[1], d[2], d[3], d[4])  # type: ignore[attr-defined]
+
+
+@njit(cache=True, nogil=True)
+def _middles(views: np.ndarray) -> Array:
+    """Return where the ball's centre is seen in each view, (images, 2) pixels."""
+    out = np.empty((len(views), 2))
     for m in range(len(views)):
-        view = views[m]
-        cx, cy, cz = view[9], view[10], view[11]
+        x, y, z = views[m].centre
+        out[m, 0], out[m, 1] = project_point(view_optics(views[m]), x, y, z)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _normals(size: int, views: np.ndarray) -> np.ndarray:
+    """Return the normal of the ball in each pixel, (images, size, size) NORMAL."""
+    out, per_radius = np.zeros((len(views), size, size), dtype=NORMAL), 1.0 / BALL_RADIUS
+    for m in range(len(views)):
+        optics = view_optics(views[m])
+        cx, cy, cz = views[m].centre
         square = cx * cx + cy * cy + cz * cz - BALL_RADIUS**2
         for j in range(size):
             for i in range(size):
-                x, y = ray(view, i, j)
+                x, y = ray(optics, i, j)
                 length2 = x * x + y * y + 1.0
                 along = x * cx + y * cy + cz
                 gap = along * along - length2 * square
@@ -141,32 +224,35 @@ def _normals(size: int, views: Array) -> np.ndarray:
                     continue
                 root = math.sqrt(gap)
                 reach = (along - root) / length2
-                out[m, j, i, 0] = (reach * x - cx) * per_radius
-                out[m, j, i, 1] = (reach * y - cy) * per_radius
-                out[m, j, i, 2] = (cz - reach) * per_radius
-                out[m, j, i, 3] = root / math.sqrt(length2) * per_radius
+                normal = out[m, j, i]
+                normal.x = (reach * x - cx) * per_radius
+                normal.y = (reach * y - cy) * per_radius
+                normal.z = (cz - reach) * per_radius
+                normal.cosine = root / math.sqrt(length2) * per_radius
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, shine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(marks, weights), both (images, size, size) float32. white, shine: `shade`."""
-    marks, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
+def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, gloss: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return brightness and weights of the surface, both (images, size, size) float32. white, gloss: from `shade`."""
+    brightness, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
+    low, high = MARK_RANGE
     top = stack.max()
     for m in range(len(stack)):
         for j in range(stack.shape[1]):
             for i in range(stack.shape[2]):
-                cosine, light = normals[m, j, i, 3], white[m, j, i] / top
-                if cosine <= 0.05 or light < DIM:
+                cosine, light = normals[m, j, i].cosine, white[m, j, i] / top
+                if cosine <= LEAST_COSINE or light < LEAST_LIGHT:
                     continue
-                marks[m, j, i] = min(1.5, max(-0.3, (stack[m, j, i] - shine[m, j, i]) / white[m, j, i]))
-                seen = min(1.0, max(0.0, (cosine - LIMB) / (FULL - LIMB)))
-                weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (light / 0.5) ** 2)
-    return marks, weights
+                brightness[m, j, i] = min(high, max(low, (stack[m, j, i] - gloss[m, j, i]) / white[m, j, i]))
+                seen = min(1.0, max(0.0, (cosine - LIMB) / (FULL_WEIGHT - LIMB)))
+                weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (light / FULL_LIGHT) ** 2)
+    return brightness, weights
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _variance(values: np.ndarray, weights: np.ndarray) -> float:
+    """Return the weighted variance of values near 1."""
     total, first, second = 1e-12, 0.0, 0.0
     flat, mass = values.ravel(), weights.ravel()
     for i in range(len(flat)):
@@ -176,14 +262,18 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _sloped(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(images, size, size, 4), Surface.marks. Central differences: interpolated like the value they are smooth from pixel to pixel."""
-    out, size = np.zeros((*values.shape, 4), dtype=np.float32), values.shape[1]
+def _with_slopes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return (images, size, size) MARK.
+
+    The slopes are central differences: interpolated like the brightness, they are smooth from pixel to pixel.
+    """
+    out, size = np.zeros(values.shape, dtype=MARK), values.shape[1]
     half = np.float32(0.5)
     for m in range(len(values)):
         for j in range(1, size - 1):
             for i in range(1, size - 1):
-                out[m, j, i, 0], out[m, j, i, 1] = values[m, j, i], weights[m, j, i]
-                out[m, j, i, 2] = half * (values[m, j, i + 1] - values[m, j, i - 1])
-                out[m, j, i, 3] = half * (values[m, j + 1, i] - values[m, j - 1, i])
+                mark = out[m, j, i]
+                mark.brightness, mark.weight = values[m, j, i], weights[m, j, i]
+                mark.slope_u = half * (values[m, j, i + 1] - values[m, j, i - 1])
+                mark.slope_v = half * (values[m, j + 1, i] - values[m, j - 1, i])
     return out

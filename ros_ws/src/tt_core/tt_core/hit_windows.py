@@ -1,0 +1,34 @@
+"""Where balls are hit, and so how far their paths have to be predicted. Lengths in m, frame `table`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class HitWindow(NamedTuple):
+    """A box in which the ball's centre is when it is hit, in m."""
+
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+    z_low: float
+    z_high: float
+
+
+HIT_WINDOWS = {
+    # x: to a later strike than the -0.3 of dissertation Section 4.5.1, because a later strike is one that the arm has time for;
+    # y: where the arm reaches everything from its base; z: from where the racket's edge clears the table
+    "near": HitWindow(-0.40, 0.0, 0.25, 1.275, 0.12, 0.55),
+    # where the arm reaches 99 % of random rackets from its base
+    "reachable": HitWindow(-0.70, 0.0, 0.20, 1.325, 0.12, 0.70),
+}
+PATH_MARGIN = 0.1  # m, by which a path goes on past the last point at which its ball may be hit
+
+
+def path_end(x_low: float) -> float:
+    """Return the x (m) at which the path of a ball may end that is hit at `x_low` (m) at the latest."""
+    return round(x_low - PATH_MARGIN, 9)
+
+
+PATH_END_X = min(path_end(window.x_low) for window in HIT_WINDOWS.values())  # m, for a ball that is hit in any of the windows

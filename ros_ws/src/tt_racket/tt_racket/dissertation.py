@@ -1,0 +1,96 @@
+"""The dissertation's own stroke, for comparison and as the start of the exact one: its simple aerodynamic model, SAM (4.48)-(4.58).
+
+Drag acts on each axis by itself, and there is no Magnus force, so the velocity after the hit has a closed form. Kernels do not validate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from tt_core.arrays import POSITION, SPIN, VELOCITY, Array
+from tt_core.flight import AirCoefficients
+from tt_core.physics import PhysicsCoefficients, physics_coefficients
+
+from .impact import spin_after
+from .return_flight import fly_return
+from .solution import (
+    BALL_AFTER,
+    CLEAR,
+    EARLY,
+    NO_SOLUTION,
+    Ball,
+    Goal,
+    Solution,
+    check_question,
+    failed,
+    goal_numbers,
+    is_possible,
+    with_racket,
+)
+
+
+@njit(cache=True, error_model="numpy")
+def sam_velocity(position: Array, target: Array, goal: Goal, air: AirCoefficients, velocity: Array) -> float:
+    """Fill the velocity after the hit (4.58).
+
+    Args:
+        position: (3,) m, of the ball at the hit.
+        target: (3,) m, of the ball at the landing.
+        goal: Time and spin.
+        air: Coefficients.
+        velocity: (3,) m/s, filled.
+
+    Returns:
+        D in 1/m, with h of (3.3) for the straight way to the target.
+    """
+    dx, dy = target[0] - position[0], target[1] - position[1]
+    across = dx * goal.spin_y
+    norm = math.sqrt(across * across + (dx * dx + dy * dy) * goal.spin_z * goal.spin_z)
+    d = air.drag + (air.drag_h * across / norm if norm > 0.0 else 0.0)
+    for k in range(2):
+        way = target[k] - position[k]
+        velocity[k] = math.copysign((math.exp(d * abs(way)) - 1.0) / (d * goal.flight_time), way) if d > 0.0 else way / goal.flight_time
+    velocity[2] = 0.5 * air.gravity * goal.flight_time + (target[2] - position[2]) / goal.flight_time
+    return d
+
+
+@njit(cache=True, error_model="numpy")
+def sam_stroke(ball: Ball, goal: Goal, physics: PhysicsCoefficients, out: Array) -> Solution:
+    """Solve the stroke by SAM, and fly it by the full model for its residual.
+
+    A return that lands too early is no obstacle, because this return misses the goal anyway.
+
+    Args:
+        ball: Before the hit.
+        goal: What the return is asked to do.
+        physics: Models.
+        out: (18,) filled with the stroke, see `solution`.
+    """
+    obstacle, missing = check_question(ball, goal)
+    if obstacle != CLEAR:
+        return failed(obstacle, missing, np.inf, 0)
+    after, contact = out[BALL_AFTER], physics.contact_height
+    velocity, target = after[VELOCITY], np.array([goal.landing_x, goal.landing_y, contact])
+    after[POSITION] = ball.position
+    sam_velocity(ball.position, target, goal, physics.air, velocity)
+    if not is_possible(ball, velocity):
+        return failed(NO_SOLUTION, np.inf, np.inf, 0)
+    spin_after(ball.velocity, ball.spin, velocity, goal.spin_y, goal.spin_z, after[SPIN])
+    end = np.empty(9)
+    obstacle, missing = fly_return(after, goal.flight_time, physics.air, contact, end, np.empty((8, 3)))
+    if obstacle == EARLY:
+        obstacle, missing = CLEAR, 0.0
+    residual = math.sqrt((end[0] - target[0]) ** 2 + (end[1] - target[1]) ** 2 + (end[2] - target[2]) ** 2)
+    flown = Solution(obstacle, missing, residual, 0, np.inf, 0.0, 0.0)
+    return with_racket(ball, physics.racket, contact, flown, out)
+
+
+@njit(cache=True, error_model="numpy")
+def sam_stroke_entry(
+    position: Array, velocity: Array, spin: Array, goal: Array, physics: Array, out: Array
+) -> tuple[tuple[int, float, float], tuple[float, int], tuple[float, float]]:
+    """Call `sam_stroke` from Python, as `shooting.shoot_entry` calls `shoot`."""
+    s = sam_stroke(Ball(position, velocity, spin), goal_numbers(goal), physics_coefficients(physics), out)
+    return (s.obstacle, s.missing, s.share), (s.residual, s.corrections), (s.alpha, s.beta)

@@ -1,0 +1,71 @@
+"""The linear solution of calibration from known points (dissertation Appendix B.2.4)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from tt_core.errors import TtError
+from tt_core.states import Array
+
+LEAST_POINTS = 6
+
+
+class CannotCalibrate(TtError):
+    """Points that do not determine a camera."""
+
+
+class Resection(NamedTuple):
+    """A camera that fits known points.
+
+    Attributes:
+        rotation: (3, 3), from `table` to the camera's frame.
+        translation: (3,) m.
+        focal: Focal length, pixels.
+    """
+
+    rotation: Array
+    translation: Array
+    focal: float
+
+
+def resection(points: Array, pixels: Array, focal: float | None) -> Resection:
+    """Return the pose of a camera, and its focal length if that is not known, by linear least squares: rows of (B.70) times depth.
+
+    Args:
+        points: (n, 3) m in `table`.
+        pixels: (n, 2), counted from the principal point.
+        focal: Focal length in pixels, or None.
+
+    Raises:
+        CannotCalibrate: Fewer than six points, or points in one plane.
+    """
+    if len(points) < LEAST_POINTS:
+        raise CannotCalibrate(f"{len(points)} points cannot calibrate a camera, {LEAST_POINTS} needed")
+    centre, scale = points.mean(axis=0), max(float(points.std()), 1e-12)
+    homogeneous = np.column_stack([(points - centre) / scale, np.ones(len(points))])
+    size = max(float(np.abs(pixels).max()), 1e-12)
+    zero, (u, v) = np.zeros_like(homogeneous), (pixels / size).T[..., None]
+    rows = np.vstack([np.hstack([homogeneous, zero, -u * homogeneous]), np.hstack([zero, homogeneous, -v * homogeneous])])
+    _, singular, v_t = np.linalg.svd(rows)
+    if singular[-2] < 1e-6 * singular[0]:
+        raise CannotCalibrate("the points lie in one plane or in another way leave the camera open")
+    p = v_t[-1].reshape(3, 4)
+    p[:2] *= size
+    m = p[:, :3] / scale
+    t = p[:, 3] - m @ centre
+    length = np.linalg.norm(m[2])
+    m, t = m / length, t / length
+    if (points @ m[2] + t[2]).mean() < 0.0:
+        m, t = -m, -t
+    if focal is None:  # the rows of K R about the principal point: f is their length across the line of sight
+        focal = math.sqrt(0.5 * sum(float(row @ row - (row @ m[2]) ** 2) for row in m[:2]))
+    u_, _, w = np.linalg.svd(m / np.array([[focal], [focal], [1.0]]))
+    rotation = u_ @ np.diag([1.0, 1.0, np.linalg.det(u_ @ w)]) @ w
+    # with the rotation fixed the translation follows from the pixels
+    seen = points @ rotation.T
+    a = np.zeros((2 * len(points), 3))
+    a[0::2, 0], a[1::2, 1], a[:, 2] = focal, focal, -pixels.ravel()
+    b = (pixels * seen[:, 2:] - focal * seen[:, :2]).ravel()
+    return Resection(rotation, np.linalg.lstsq(a, b, rcond=None)[0], focal)

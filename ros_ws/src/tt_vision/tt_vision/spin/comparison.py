@@ -1,0 +1,143 @@
+"""How well a spin lays the marks of all images over each other, and which way it has to change: normal equations for Gauss-Newton."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from tt_core.so3 import left_jacobian, rotation_matrix
+from tt_core.states import Array
+
+from ..projection import rotate, rotate_back, unpack_rotation
+from .mark_sampling import POINT_MARK, sample, sample_best
+from .surface_map import MarkImages
+
+
+class PairComparison(NamedTuple):
+    """Neighbouring frames compared; d is the difference of the brightness at a point.
+
+    Attributes:
+        cost: Sum of w (d^2 - 2 contrast).
+        weight: Sum of w.
+        normal_matrix: (3, 3) of d by the spin, (rad/s)^-2.
+        gradient: (3,) of half the squared error by the spin.
+    """
+
+    cost: float
+    weight: float
+    normal_matrix: Array
+    gradient: Array
+
+
+class Comparison(NamedTuple):
+    """All images compared with the marks that fit them best.
+
+    Attributes:
+        normal_matrix: (3, 3) by the spin, (rad/s)^-2, the marks eliminated.
+        gradient: (3,) of half the squared error by the spin.
+        error: Mean squared error of the brightness.
+        marks: (n,) POINT_MARK, those marks.
+    """
+
+    normal_matrix: Array
+    gradient: Array
+    error: float
+    marks: np.ndarray
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def compare_pairs(spin: Array, points: Array, before: np.ndarray, pairs: np.ndarray, images: MarkImages, contrast: float) -> PairComparison:
+    """Compare neighbouring frames, the second one of each pair turned back by a spin.
+
+    Args:
+        spin: (3,) rad/s in `table`.
+        points: (n, 3) unit vectors in `table`, places at the first frame of a pair.
+        before: (pairs, n) POINT_MARK, `first_samples` of them.
+        pairs: (p,) first frames of the pairs.
+        images: The marks.
+        contrast: Variance of the brightness, so that unrelated marks cost 0.
+    """
+    marks, views, times = images.marks, images.views, images.times
+    cost, total, h, g, row = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3), np.empty(3)
+    for p in range(len(pairs)):
+        k = pairs[p]
+        dt = times[k + 1] - times[k]
+        turn, left = unpack_rotation(rotation_matrix(spin * dt)), unpack_rotation(dt * left_jacobian(spin * dt))
+        for q in range(len(points)):
+            if before[p, q].weight <= 0.0:
+                continue
+            x, y, z = rotate(turn, points[q, 0], points[q, 1], points[q, 2])
+            seen = sample_best(marks, views, k + 1, len(times), x, y, z)
+            if seen.weight <= 0.0:
+                continue
+            d = seen.brightness - before[p, q].brightness
+            w = seen.weight * before[p, q].weight
+            c0, c1, c2 = y * seen.gz - z * seen.gy, z * seen.gx - x * seen.gz, x * seen.gy - y * seen.gx
+            row[0], row[1], row[2] = rotate_back(left, c0, c1, c2)
+            cost += w * (d * d - 2.0 * contrast)
+            total += w
+            for a in range(3):
+                g[a] += w * row[a] * d
+                for b in range(3):
+                    h[a, b] += w * row[a] * row[b]
+    return PairComparison(cost, total, h, g)
+
+
+@njit(cache=True, nogil=True)
+def turned(spin: Array, images: MarkImages) -> Array:
+    """Return the rotation (images, 3, 3) from the ball, as it is turned at time 0, to the camera's frame at each image."""
+    out = np.empty((len(images.views), 3, 3))
+    for m in range(len(images.views)):
+        out[m] = images.views[m].rotation.copy() @ rotation_matrix(spin * images.times[images.frame_of[m]])
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def compare_all(spin: Array, points: Array, images: MarkImages) -> Comparison:
+    """Compare all images, turned back by a spin, with the marks that fit them best, point by point on the ball.
+
+    The marks are eliminated from the normal equations (variable projection, Golub and Pereyra 1973).
+
+    Args:
+        spin: (3,) rad/s in `table`.
+        points: (n, 3) unit vectors on the ball as it is turned at time 0.
+        images: The marks.
+    """
+    count, marks, views = len(images.views), images.marks, images.views
+    turns, arms = turned(spin, images), np.empty((count, 3, 3))
+    for m in range(count):
+        t = images.times[images.frame_of[m]]
+        arms[m] = t * (views[m].rotation.copy() @ left_jacobian(spin * t)).T
+    drawn = np.zeros(len(points), dtype=POINT_MARK)
+    h00 = h01 = h02 = h11 = h12 = h22 = g0 = g1 = g2 = error = total = 0.0
+    for i in range(len(points)):
+        p, q, s = points[i, 0], points[i, 1], points[i, 2]
+        seen, sw, sv, s0, s1, s2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+        a00 = a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = svv = 0.0
+        for m in range(count):
+            x, y, z = rotate(unpack_rotation(turns[m]), p, q, s)
+            w, value, gx, gy, gz = sample(marks, m, views[m], x, y, z)
+            if w <= 0.0:
+                continue
+            j0, j1, j2 = rotate(unpack_rotation(arms[m]), y * gz - z * gy, z * gx - x * gz, x * gy - y * gx)
+            seen += 1
+            e = value - 1.0
+            sw, sv, svv = sw + w, sv + w * e, svv + w * e * e
+            w0, w1, w2 = w * j0, w * j1, w * j2
+            s0, s1, s2 = s0 + w0, s1 + w1, s2 + w2
+            b0, b1, b2 = b0 + w0 * e, b1 + w1 * e, b2 + w2 * e
+            a00, a01, a02, a11, a12, a22 = a00 + w0 * j0, a01 + w0 * j1, a02 + w0 * j2, a11 + w1 * j1, a12 + w1 * j2, a22 + w2 * j2
+        if seen == 0:
+            continue
+        mean = sv / sw
+        drawn[i].brightness, drawn[i].weight = 1.0 + mean, sw
+        if seen < 2:
+            continue
+        g0, g1, g2 = g0 + b0 - s0 * mean, g1 + b1 - s1 * mean, g2 + b2 - s2 * mean
+        h00, h01, h02 = h00 + a00 - s0 * s0 / sw, h01 + a01 - s0 * s1 / sw, h02 + a02 - s0 * s2 / sw
+        h11, h12, h22 = h11 + a11 - s1 * s1 / sw, h12 + a12 - s1 * s2 / sw, h22 + a22 - s2 * s2 / sw
+        error += svv - sv * mean
+        total += sw
+    h = np.array([[h00, h01, h02], [h01, h11, h12], [h02, h12, h22]])
+    return Comparison(h, np.array([g0, g1, g2]), error / max(total, 1e-12), drawn)

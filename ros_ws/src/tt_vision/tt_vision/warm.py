@@ -1,0 +1,45 @@
+"""Compiles every kernel of the measurement and makes its tables, so that no ball waits for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from tt_core.constants import BALL_RADIUS
+from tt_core.states import Array
+
+from .camera import Camera
+from .capture.burst import LEAST_FRAMES
+from .detection.illumination import CalibratedLamps
+from .measure import measure
+from .spin.coarse_search import prepare_search
+
+
+def warm(cameras: Sequence[Camera]) -> None:
+    """Compile every kernel and make every table that a measurement uses, on drawn images of 8 and of 16 bits.
+
+    Args:
+        cameras: Two of the same size, which see the place 1 m in front of them.
+    """
+    axis = np.mean([camera.rotation[2] for camera in cameras], axis=0)
+    start = np.mean([camera.position for camera in cameras], axis=0) + axis
+    times = np.arange(LEAST_FRAMES) / 900.0
+    frames = [[_draw(camera, start + t * np.array([0.0, 0.0, 2.0]), 100.0 * t) for t in times] for camera in cameras]
+    for dtype in (np.uint8, np.uint16):
+        left, right = (np.array(images, dtype=dtype) for images in frames)
+        measure(left, right, times, cameras)  # refused: what is drawn is no ball that both cameras see
+        measure(left, None, times, cameras[:1])
+    measure(left, None, times, cameras[:1], lamps=CalibratedLamps(start[None] + 1.0, np.ones(1), 1.0))
+    prepare_search()
+
+
+def _draw(camera: Camera, centre: Array, angle: float) -> np.ndarray:
+    """Return an image (h, w) of a chequered ball at `centre` (3,) m, turned by `angle` rad about the vertical."""
+    v, u = np.mgrid[: camera.height, : camera.width]
+    depth = (camera.rotation @ centre + camera.translation)[2]
+    middle_u, middle_v = camera.project(centre[None])[0]
+    x, y = u - middle_u, v - middle_v
+    radius = camera.focal_pixels * BALL_RADIUS / depth
+    z = np.sqrt(np.maximum(0.0, radius**2 - x * x - y * y))
+    dark = np.sin(5.0 * (np.arctan2(x, z) - angle)) * np.sin(6.0 * y / radius) > 0.4
+    return np.where(z > 0.0, np.where(dark, 40, 200), 8)
