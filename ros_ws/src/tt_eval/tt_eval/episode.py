@@ -347,10 +347,10 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
             choices[i] = control.take(plans[i].rackets)
         if joints.time >= trials[-1].ball.time + LONGEST:
             break
-    joints = np.array(record)
-    starts = np.searchsorted(joints[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
+    rows = np.array(record)
+    starts = np.searchsorted(rows[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
     return [
-        _episode(trial, plan, outcome, choices.get(i), joints[starts[i] : ends.get(i)])
+        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)])
         for i, (trial, plan, outcome) in enumerate(zip(trials, plans, outcomes, strict=True))
     ]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import html
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 import pyarrow.parquet as pq
+import rich.table
 from plotly.subplots import make_subplots
 from pyarrow import ArrowException
 from rich.console import Console
-from rich.table import Table
 from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
 from tt_core.states import Array
@@ -25,6 +24,7 @@ from tt_vision.camera import triangulate
 
 from .episode import Episode, play
 from .miss import Miss
+from .page import Section, Table, html_page
 from .scenario import load
 from .sweep_metrics import NUMBERS, TEXTS
 
@@ -110,19 +110,16 @@ def robot(numbers: dict[str, Array]) -> list[str]:
     return [*(_cell(v) for v in (100.0 * float(seen.mean()), *spin, *shares)), _cell(back, 2)]
 
 
-Rows = list[tuple[str, ...]]  # of a table, its heads first
-
-
-def tables(sweeps: Sequence[Sweep]) -> dict[str, Rows]:
-    """By title: the rows of each, a column or two for each sweep."""
+def tables(sweeps: Sequence[Sweep]) -> list[Table]:
+    """Return the tables, with one or two columns for each sweep."""
     heads = [head for sweep in sweeps for head in (sweep.name, "as judged")]
     cells = [c for s in sweeps for c in (returns(s.numbers, s.misses), returns(s.numbers, s.judged, "judged_"))]
     names = ("", *(sweep.name for sweep in sweeps))
-    return {
-        "Returns: the truth, and as judged by two wide cameras": [("", *heads), *zip(RETURNS, *cells, strict=True)],
-        "The judge's own error: mean ± standard deviation": [names, *zip(JUDGE, *map(judge_errors, sweeps), strict=True)],
-        "Measurement and arm": [names, *zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)],
-    }
+    return [
+        Table(("", *heads), list(zip(RETURNS, *cells, strict=True)), "Returns: the truth, and as judged by two wide cameras"),
+        Table(names, list(zip(JUDGE, *map(judge_errors, sweeps), strict=True)), "The judge's own error: mean ± standard deviation"),
+        Table(names, list(zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)), "Measurement and arm"),
+    ]
 
 
 def _field(figure: go.Figure, height: float | None = None, **where: int) -> None:
@@ -235,38 +232,19 @@ def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
     return np.column_stack([times, outcome.places(times, air)])
 
 
-STYLE = """
-body { font: 15px sans-serif; max-width: 1100px; margin: 2em auto; color: #222 }
-table { border-collapse: collapse; margin-bottom: 1.5em }
-td, th { padding: .25em .8em; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd }
-td:first-child { color: #555; white-space: nowrap }
-h2 { border-bottom: 2px solid #1b5e9b; padding-bottom: .2em; margin-top: 2em }
-"""
-
-
 def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
-    """One HTML page that needs no network."""
-    parts = []
-    for title, (head, *rows) in tables(sweeps).items():
-        lines = [_line("th", head), *(_line("td", row) for row in rows)]
-        parts.append(f"<h3>{html.escape(title)}</h3><table>{''.join(lines)}</table>")
-    sections = [("One ball", [one_ball(ball)])] if ball is not None else []
+    """Return tables and figures of sweeps, and one ball, as an HTML page."""
+    sections = [Section("", tables(sweeps))]
+    if ball is not None:
+        sections.append(Section("One ball", figures=[one_ball(ball)]))
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
         figures = [scatter(shown), causes(shown), judged_off(shown)] if landed else [causes(shown)]
-        sections.append((s.name, [*figures, reasons(s.misses, s.judged)]))
-    first = True
-    for name, figures in sections:
-        parts.append(f"<h2>{html.escape(name)}</h2>")
-        for figure in figures:
+        sections.append(Section(s.name, figures=[*figures, reasons(s.misses, s.judged)]))
+    for section in sections:
+        for figure in section.figures:
             figure.update_layout(template="plotly_white", legend={"itemsizing": "constant"})
-            parts.append(figure.to_html(full_html=False, include_plotlyjs=first))
-            first = False
-    return f"<!doctype html><meta charset=utf-8><title>Rallies</title><style>{STYLE}</style><h1>Rallies</h1>{''.join(parts)}"
-
-
-def _line(tag: str, cells: Sequence[str]) -> str:
-    return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+    return html_page("Rallies", sections)
 
 
 def main() -> None:
@@ -282,11 +260,11 @@ def main() -> None:
     except TtError as error:
         print(f"evaluate: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    for title, (head, *rows) in tables(sweeps).items():
-        table = Table(*head, title=title, title_justify="left")
-        for row in rows:
-            table.add_row(*row)
-        Console().print(table)
+    for table in tables(sweeps):
+        printed = rich.table.Table(*table.head, title=table.title, title_justify="left")
+        for row in table.rows:
+            printed.add_row(*row)
+        Console().print(printed)
     if args.page:
         args.page.write_text(page(sweeps, ball))
         print(args.page)

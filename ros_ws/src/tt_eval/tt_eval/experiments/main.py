@@ -8,6 +8,7 @@ from pathlib import Path
 from tt_vision.rig import high_speed_pair
 from tt_vision.warm import warm
 
+from ..page import Section, html_page
 from . import catapult, robustness, rotation
 
 EXPERIMENTS = {"rotation": rotation, "catapult": catapult, "robustness": robustness}
@@ -25,8 +26,7 @@ def main() -> None:
     warm(high_speed_pair())
     figures = EXPERIMENTS[args.name].run(args.runs)
     path = args.out / f"{args.name}.html"
-    parts = [figure.to_html(full_html=False, include_plotlyjs=i == 0) for i, figure in enumerate(figures)]
-    path.write_text(f"<!doctype html><meta charset=utf-8><title>{args.name}</title>{''.join(parts)}")
+    path.write_text(html_page(args.name, [Section(figures=figures)]))
     print(f"figures: {path}")
 
 
