@@ -15,6 +15,7 @@ from tt_arm.stroke_selection import SelectionParams, choose
 from tt_arm.swing import PROFILES, Swing, SwingLimits, plan
 from tt_arm.trajectory.torque import torque_shares
 from tt_core.states import RacketState
+from tt_eval.arm_loop import arm_ticks
 from tt_sim.world.plant import Plant
 
 MODEL = ArmModel.pa10()
@@ -43,14 +44,13 @@ def torque(swing: Swing) -> float:
 
 def miss(racket: RacketState) -> tuple[float, float]:
     """mm and degrees at the strike, by the simulated arm."""
-    control, plant, joints = ArmControl(MODEL), Plant(MODEL), WAITING
+    control, plant = ArmControl(MODEL), Plant(MODEL)
     control.enable(True)
-    control.step(joints)
+    control.step(WAITING)
     control.take([racket])
-    while joints.time + TICK <= racket.time:
-        command = control.step(joints).command
-        joints = plant.advance(joints, command, TICK)
-    there = plant.racket(joints, control.step(joints).command, racket.time - joints.time)
+    ticks = arm_ticks(control, plant, WAITING, TICK, np.random.default_rng(0))
+    joints, step = next(tick for tick in ticks if tick.joints.time + TICK > racket.time)
+    there = plant.racket(joints, step.command, racket.time - joints.time)
     angle = np.degrees(np.arccos(min(1.0, float(there.rotation[:, 2] @ racket.normal))))
     return 1e3 * float(np.linalg.norm(there.position - racket.position)), float(angle)
 

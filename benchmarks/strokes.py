@@ -15,6 +15,7 @@ from tt_arm.control import ArmControl, warm
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_core.states import RacketState
+from tt_eval.arm_loop import arm_ticks
 from tt_eval.arm_trial import STROKES_AT, TICK, arm_trial, strokes
 from tt_sim.world.launcher import KINDS
 from tt_sim.world.plant import Plant, PlantParams
@@ -29,21 +30,21 @@ MADE = 0.01  # m, from its place, within which a racket meets its ball
 
 def in_a_row(balls: int) -> float:
     """The share of strokes that are made, of balls known exactly."""
-    control, plant, joints = ArmControl(MODEL), Plant(MODEL, NOISY), Joints(0.0, MODEL.waiting, np.zeros(7))
+    control, plant, start = ArmControl(MODEL), Plant(MODEL, NOISY), Joints(0.0, MODEL.waiting, np.zeros(7))
     rng, thrown, made, wanted = np.random.default_rng(0), 0, 0, list[RacketState]()
     control.enable(True)
-    while joints.time < balls * PERIOD + 1.0:
-        command = control.step(plant.measured(joints, rng)).command
+    for joints, step in arm_ticks(control, plant, start, TICK, rng):
+        if joints.time >= balls * PERIOD + 1.0:
+            break
         if thrown < balls and joints.time >= thrown * PERIOD + STROKES_AT:
             rackets = strokes(KINDS[thrown % len(KINDS)], SCALES[thrown % len(SCALES)], thrown)
             choice = control.take([replace(racket, time=racket.time + thrown * PERIOD) for racket in rackets])
             wanted += [choice.racket] if choice.racket is not None else []
             thrown += 1
         for racket in [racket for racket in wanted if racket.time < joints.time + TICK]:
-            there = plant.racket(joints, command, racket.time - joints.time)
+            there = plant.racket(joints, step.command, racket.time - joints.time)
             made += bool(np.linalg.norm(there.position - racket.position) < MADE)
             wanted.remove(racket)
-        joints = plant.advance(joints, command, TICK)
     return made / balls
 
 

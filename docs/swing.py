@@ -15,6 +15,7 @@ from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_bringup.report import read
+from tt_eval.arm_loop import arm_ticks
 from tt_eval.arm_trial import STROKES_AT, TICK, strokes
 from tt_sim.world.plant import Plant, PlantParams
 
@@ -43,16 +44,16 @@ def recorded(bag: Path) -> tuple[np.ndarray, np.ndarray, float]:
 def played(kind: str, scale: int) -> tuple[np.ndarray, np.ndarray, float]:
     """The same of a ball of seed 0."""
     model = ArmModel.pa10()
-    control, plant, joints, choice, rows = ArmControl(model), Plant(model, PlantParams()), Joints(0.0, model.waiting, np.zeros(7)), None, []
+    control, plant, start, choice, rows = ArmControl(model), Plant(model, PlantParams()), Joints(0.0, model.waiting, np.zeros(7)), None, []
     control.enable(True)
-    while joints.time < 2.5:
-        command = control.step(joints).command
+    for joints, _ in arm_ticks(control, plant, start, TICK, np.random.default_rng(0)):
+        if joints.time >= 2.5:
+            break
         if choice is None and joints.time >= STROKES_AT:
             choice = control.take(strokes(kind, scale, 0))
             if choice.swing is None:
                 raise SystemExit(f"{kind} {scale}: {choice.reasons}")
         rows.append([joints.time, *joints.q, *joints.qdot])
-        joints = plant.advance(joints, command, TICK)
     times = np.array([row[0] for row in rows])
     reference = np.array([[t, *np.hstack(choice.swing.sample(t))] for t in times])
     return reference, np.array(rows), choice.swing.strike_time

@@ -1,13 +1,19 @@
 """The measurement's error model says what rendered balls say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
+from tt_core.states import BallState
 from tt_core.strict_yaml import names
 from tt_eval.episode import Trial
 from tt_eval.scenario import HOME, load
 from tt_eval.sensor_error_fit import SLOW, drawn, errors_seen
-from tt_eval.sensor_error_model import SensorErrorModel, last_frame
+from tt_eval.sensor_error_model import FULL, SensorErrorModel, brightest, illumination, last_frame, saturated_share
+from tt_sim.render import Lamps, Noise, Texture, render
+from tt_vision.detection.ball_detection import SATURATED, find_ball
+from tt_vision.rig import EXPOSURE, VIEW_CENTRE, high_speed_pair
 
 BALLS = 48  # new ones: the models were fitted to balls 0 to 799
 
@@ -37,6 +43,22 @@ def test_a_burst_ends_when_the_images_say():
         trial = Trial.drawn(load("liu"), seed)
         expected = last_frame(trial.ball, trial.cameras, trial.physics)
         assert trial.seen()[1].time == pytest.approx(expected, abs=1.2 / 900)  # a frame more or less at the image's border
+
+
+def test_a_ball_near_a_lamp_is_saturated_in_both_or_in_none():
+    """The share at full scale against what `find_ball` says of rendered images, from a lamp outwards."""
+    lamps, texture, rng, differ = Lamps(), Texture.drawn(1), np.random.default_rng(0), 0
+    light, away = illumination(lamps, texture), np.array([-0.6, 0.7, -0.1])
+    shares = []
+    for far in np.linspace(0.25, 0.9, 14):
+        ball = BallState(0.0, np.array(lamps.lamps[1].position) + far * away / np.linalg.norm(away), [-5.0, 0, 0], [0, -200.0, 0])
+        camera = high_speed_pair()[1]
+        camera = replace(camera, translation=camera.translation - camera.rotation @ (ball.position - VIEW_CENTRE))
+        spot = find_ball(render(camera, ball, np.eye(3), texture, lamps, EXPOSURE, Noise(), rng))
+        shares.append(saturated_share(ball.position, camera.position, light))
+        differ += (spot.reason is not None) != (shares[-1] > SATURATED)
+        assert shares[-1] == 0.0 or brightest(ball.position, light) >= FULL
+    assert differ <= 1 and max(shares) > 2 * SATURATED and min(shares) == 0.0
 
 
 def test_a_fit_finds_the_errors_it_is_given(tmp_path):

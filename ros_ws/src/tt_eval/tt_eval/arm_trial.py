@@ -18,6 +18,8 @@ from tt_racket.intercept import InterceptParams, intercept
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_sim.world.plant import Plant, PlantParams
 
+from .arm_loop import arm_ticks
+
 TICK = 0.002  # s
 STROKES_AT = 0.08  # s after the launch, when the strokes are at the arm: six frames and the latency of the chain
 LONGEST = 4.0  # s, given to the stroke and the way back
@@ -60,10 +62,13 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
     """The arm with these candidates (s after the launch): planned, made tick by tick, and back to waiting."""
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)
-    joints, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, []
+    start, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, list[list[float]]()
     miss, tilt, end = np.nan, np.nan, LONGEST
-    while joints.time < end:
-        step = control.step(plant.measured(joints, rng))
+    for joints, step in arm_ticks(control, plant, start, TICK, rng):
+        if joints.time > 0.0:
+            rows.append([*joints.q, *joints.qdot])
+        if joints.time >= end:
+            break
         guarded |= {step.reason.code.name} if step.reason else set()
         if choice is None and joints.time >= STROKES_AT:
             choice = control.take(rackets)
@@ -72,8 +77,6 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
             there = plant.racket(joints, step.command, choice.racket.time - joints.time)
             miss = float(np.linalg.norm(there.position - choice.racket.position))
             tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ choice.racket.normal))))
-        joints = plant.advance(joints, step.command, TICK)
-        rows.append([*joints.q, *joints.qdot])
     record: Array = np.array(rows)
     q, qdot = record[:, :7], record[:, 7:]
     made = choice is not None and choice.swing is not None and choice.reach is not None

@@ -47,6 +47,7 @@ from tt_vision.measure import Measurement, measure_burst
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
+from .arm_loop import arm_ticks
 from .fast_swing import rally
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
@@ -325,21 +326,27 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
     """The balls in the order of their launches, until nothing more happens to any. rng: of the encoders."""
     tick_time, model = trials[0].scenario.tick, control.model
-    hardware = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
+    robot = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
     outcomes, choices, ends = list[Outcome](), dict[int, Choice](), dict[int, int]()
-    command, record, open_plans = np.zeros(7), list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
-    while len(ends) < len(trials) and hardware.joints.time < trials[-1].ball.time + LONGEST:
-        if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= hardware.joints.time + tick_time:
-            outcomes.append(hardware.launch(trials[len(outcomes)].ball, trials[len(outcomes)].physics))
-        tick = hardware.advance(command)
+    record, open_plans = list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
+
+    def advance(command: Array) -> Joints:
+        """Move arm and balls by one tick, after launching the next ball if it is due."""
+        if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= robot.joints.time + tick_time:
+            outcomes.append(robot.launch(trials[len(outcomes)].ball, trials[len(outcomes)].physics))
+        tick = robot.advance(command)
         record.append([tick.joints.time, *tick.joints.q, *tick.joints.qdot])
-        ends |= {outcomes.index(outcome): len(record) for outcome in tick.ended}
+        ends.update({outcomes.index(outcome): len(record) for outcome in tick.ended})
+        return tick.joints
+
+    for joints, _ in arm_ticks(control, plant, advance(np.zeros(7)), tick_time, rng, advance):
         if len(ends) == len(trials):
             break
-        command = control.step(plant.measured(tick.joints, rng)).command
-        while open_plans and plans[open_plans[0]].due <= tick.joints.time:
+        while open_plans and plans[open_plans[0]].due <= joints.time:
             i = open_plans.pop(0)
             choices[i] = control.take(plans[i].rackets)
+        if joints.time >= trials[-1].ball.time + LONGEST:
+            break
     joints = np.array(record)
     starts = np.searchsorted(joints[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
     return [

@@ -12,6 +12,7 @@ import functools
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +22,12 @@ from scipy.optimize import nnls
 from tt_core.constants import BALL_RADIUS
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
+from tt_sim.render import SHARPNESS, Lamps, Texture
 from tt_sim.world.outcome import places
 from tt_vision.camera import Camera
 from tt_vision.capture.assembler import BurstParams
+from tt_vision.detection.ball_detection import SATURATED
+from tt_vision.detection.outline import DEPTH
 from tt_vision.projection import project_from_table, unpack_camera
 from tt_vision.rig import FRAME_RATE
 
@@ -31,6 +35,13 @@ FASTEST = 16.0  # m/s, the catapult's fastest with its scatter
 SPIN, SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
 MARGIN = 2.0  # pixels that an image shows around a whole ball
 FRAMES = 60  # after the launch, looked through for the burst
+WHITE = 0.85  # albedo of the default ball without marks, see tt_sim.render.Texture
+UNMARKED = 0.88  # of the full-scale pixels that marks with their blurred edges leave: mean of 52 rendered images
+FULL = 254.5 / 255.0  # grey that an image of 8 bits rounds to full scale
+_RINGS = np.arange(64)
+DISC = np.column_stack(
+    [np.sqrt((_RINGS + 0.5) / 64) * f(math.pi * (3.0 - math.sqrt(5.0)) * _RINGS) for f in (np.cos, np.sin)]
+)  # even over it
 NAMES = tuple(f"{what}_{axis}" for what in ("position", "velocity", "spin") for axis in "xyz")
 
 
@@ -108,10 +119,136 @@ def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray
     return whole
 
 
+class Illumination(NamedTuple):
+    """The light on a white ball, for the kernels.
+
+    Attributes:
+        places: (lamps, 3) m in `table`.
+        strengths: (lamps,) grey of an ideal white surface that faces the lamp from 1 m; 1 is full scale.
+        ambient: Grey of an ideal white surface.
+        background: Grey behind the ball.
+        albedo: Of the ball without marks.
+        gloss: Specular part.
+    """
+
+    places: Array
+    strengths: Array
+    ambient: float
+    background: float
+    albedo: float
+    gloss: float
+
+
+def illumination(lamps: Lamps, texture: Texture) -> Illumination:
+    """Return the light of these lamps on the white of a ball."""
+    places = np.array([lamp.position for lamp in lamps.lamps]).reshape(-1, 3)
+    strengths = np.array([lamp.strength for lamp in lamps.lamps])
+    return Illumination(places, strengths, lamps.ambient, lamps.background, WHITE, texture.gloss)
+
+
+@njit(cache=True, error_model="numpy")
+def brightest(point: Array, light: Illumination) -> float:
+    """Return an upper bound of the grey of a ball at a point (3,) m, seen from anywhere."""
+    n = len(light.strengths)
+    each, ways = np.empty(n), np.empty((n, 3))  # grey of a white surface that faces one lamp; unit vectors
+    for k in range(n):
+        for axis in range(3):
+            ways[k, axis] = light.places[k, axis] - point[axis]
+        far = math.sqrt(ways[k, 0] ** 2 + ways[k, 1] ** 2 + ways[k, 2] ** 2)
+        each[k] = light.strengths[k] / max(far - BALL_RADIUS, 1e-3) ** 2
+        for axis in range(3):
+            ways[k, axis] /= far
+    # the lamps S that a normal faces give it |sum of s u over S| at most, the square of which is the sum over pairs of s s cos
+    square = 0.0
+    for i in range(n):
+        for k in range(n):
+            square += each[i] * each[k] * max(0.0, ways[i, 0] * ways[k, 0] + ways[i, 1] * ways[k, 1] + ways[i, 2] * ways[k, 2])
+    return light.albedo * (light.ambient + math.sqrt(square)) + light.gloss * each.sum()
+
+
+@njit(cache=True, error_model="numpy")
+def saturated_share(point: Array, eye: Array, light: Illumination) -> float:
+    """Return the share of the bright part of a ball's image that is at full scale, which `find_ball` refuses above SATURATED.
+
+    The light is that of the renderer, diffuse with a specular lobe, over points that are even over the visible disc.
+
+    Args:
+        point: (3,) m, the ball.
+        eye: (3,) m, the camera.
+        light: On the ball.
+    """
+    zx, zy, zz = eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]  # the axes of the disc: z to the camera, x level
+    length = math.sqrt(zx * zx + zy * zy + zz * zz)
+    zx, zy, zz = zx / length, zy / length, zz / length
+    level = math.sqrt(zx * zx + zy * zy)  # no camera looks straight down
+    xx, xy = -zy / level, zx / level
+    yx, yy, yz = -zz * xy, zz * xx, zx * xy - zy * xx
+    greys = np.empty(len(DISC))
+    for i in range(len(DISC)):
+        a, b = DISC[i, 0], DISC[i, 1]
+        c = math.sqrt(1.0 - a * a - b * b)
+        nx, ny, nz = a * xx + b * yx + c * zx, a * xy + b * yy + c * zy, b * yz + c * zz
+        grey = light.albedo * light.ambient
+        for k in range(len(light.strengths)):
+            lx = light.places[k, 0] - point[0] - BALL_RADIUS * nx
+            ly = light.places[k, 1] - point[1] - BALL_RADIUS * ny
+            lz = light.places[k, 2] - point[2] - BALL_RADIUS * nz
+            square = lx * lx + ly * ly + lz * lz
+            far = math.sqrt(square)
+            facing = (nx * lx + ny * ly + nz * lz) / far
+            if facing > 0.0:
+                towards = (zx * lx + zy * ly + zz * lz) / far
+                lobe = (facing + c) ** 2 / (2.0 + 2.0 * towards)  # square of the cosine between the normal and half way from lamp to eye
+                for _ in range(SHARPNESS - 1):
+                    lobe *= lobe
+                grey += light.strengths[k] / square * (light.albedo * facing + light.gloss * lobe)
+        greys[i] = grey
+    threshold = light.background + DEPTH * (min(1.0, greys.max()) - light.background)
+    bright, full = 0, 0
+    for i in range(len(greys)):
+        bright += greys[i] > threshold
+        full += greys[i] >= FULL
+    return UNMARKED * full / bright
+
+
+@njit(cache=True)
+def _last_of_burst(whole: npt.NDArray[np.bool_], points: Array, eyes: Array, light: Illumination, frames: int) -> int:
+    """Return the index of the frame that completes a burst, -1 if none does."""
+    found = 0
+    for i in range(len(points)):
+        if not whole[i]:
+            continue
+        shown, is_dim = True, brightest(points[i], light) < FULL
+        for eye in eyes:
+            shown = is_dim or (shown and saturated_share(points[i], eye, light) <= SATURATED)
+        found += shown
+        if found == frames:
+            return i
+    return -1
+
+
+@functools.cache
+def _default_light() -> Illumination:
+    return illumination(Lamps(), Texture.plain())
+
+
 def last_frame(ball: BallState, cameras: tuple[Camera, ...], physics: Physics, frames: int = BurstParams.frames) -> float | None:
-    """s, of the last frame of the burst: the first `frames` that show the whole ball in all images; None when there are not enough."""
+    """Return the time (s) of the last frame of the burst that the cameras make of a ball.
+
+    The burst is made of the first frames that both cameras can use: all of the ball is in view, and the lamps do not overexpose it. Cameras
+    are moved along with the ball, the lamps of the default scene are not; so a quarter of the balls of real play are lost.
+
+    Args:
+        ball: At its launch.
+        cameras: Where they stand.
+        physics: Of the ball.
+        frames: Of a burst.
+
+    Returns:
+        The time; None when there are not enough such frames.
+    """
     times = np.arange(1, FRAMES) / FRAME_RATE
     points = places(ball.vector, times, physics.air.coefficients)
     whole = np.logical_and.reduce([_whole(camera.vector, camera.width, camera.height, points) for camera in cameras])
-    seen = np.flatnonzero(whole)
-    return None if len(seen) < frames else ball.time + float(times[seen[frames - 1]])
+    last = _last_of_burst(whole, points, np.array([camera.position for camera in cameras]), _default_light(), frames)
+    return None if last < 0 else ball.time + float(times[last])
