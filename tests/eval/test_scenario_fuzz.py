@@ -154,7 +154,7 @@ VALID = st.fixed_dictionaries(
 def as_content(value):
     """What a file would hold."""
     if isinstance(value, dict):
-        return {key: as_content(part) for key, part in value.items() if key not in ("name", "covariance") and part is not None}
+        return {key: as_content(part) for key, part in value.items() if key not in ("name", "covariance", "vector") and part is not None}
     if isinstance(value, (tuple, np.ndarray)):
         return [as_content(part) for part in value]
     return float(value) if isinstance(value, np.floating) else value

@@ -1,4 +1,4 @@
-"""Build of the package."""
+"""Installs tt_vision."""
 
 from setuptools import find_packages, setup
 
