@@ -19,6 +19,19 @@ from tt_racket.intercept import InterceptParams, hit_points
 SOONEST = 0.35  # s from the shot until the ball may be hit: frames, thought and the shortest swing
 
 
+class NoShots(TtError):
+    """Recorded shots that cannot be read.
+
+    Attributes:
+        file: The file; None when no folder of data is named.
+    """
+
+    def __init__(self, file: Path | None, why: str) -> None:
+        """Keep the file."""
+        super().__init__(f"{file} holds no shots: {why}" if file else why)
+        self.file = file
+
+
 def load(file: Path) -> list[BallState]:
     """All shots of a file at time 0, each turned so that it flies to -x.
 
@@ -29,7 +42,7 @@ def load(file: Path) -> list[BallState]:
         rows = json.loads(file.read_text())
         table = np.array([[row[k] for k in _KEYS] for row in rows], dtype=float)
     except (OSError, ValueError, KeyError) as error:
-        raise TtError(f"{file} holds no shots: {error}") from error
+        raise NoShots(file, str(error)) from error
     x, y, z = table.reshape(-1, 3, 3).transpose(2, 0, 1)
     states = np.stack([y, -x, z], axis=-1)  # (n, 3 of position, velocity, spin, 3)
     states[states[:, 1, 0] > 0.0, :, :2] *= -1.0
@@ -53,6 +66,6 @@ def shots() -> tuple[BallState, ...]:
     """Those within reach of data/deepmind/rallies.json. Raises TtError without the folder TT_DATA_DIR."""
     folder = os.environ.get("TT_DATA_DIR")
     if not folder:
-        raise TtError("TT_DATA_DIR names no folder with deepmind/rallies.json")
+        raise NoShots(None, "TT_DATA_DIR names no folder with deepmind/rallies.json")
     physics = Physics.measured()
     return tuple(ball for ball in load(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics))

@@ -32,6 +32,24 @@ AHEAD = 3  # tasks for each worker that wait, no more
 SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
 
 
+class OtherSweep(TtError):
+    """Parts of another sweep where this one is to be written."""
+
+    def __init__(self, folder: Path) -> None:
+        """Keep the folder of the parts."""
+        super().__init__(f"{folder} holds parts of another sweep; remove it or write to another file")
+        self.folder = folder
+
+
+class NoScheduler(TtError):
+    """A Dask scheduler that does not answer."""
+
+    def __init__(self, address: str, error: OSError) -> None:
+        """Keep the address."""
+        super().__init__(f"no Dask scheduler at {address}: {error}")
+        self.address = address
+
+
 def part(scenario: Scenario, first: int, last: int) -> pa.Table:
     """Balls first to last - 1, a row each; at a rate the sessions that they are of are played as a whole."""
     if scenario.balls == 1:
@@ -67,7 +85,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
     told = folder / "scenario.json"
     if told.is_file() and json.loads(told.read_text())["fingerprint"] != mark:
-        raise TtError(f"{folder} holds parts of another sweep; remove it or write to another file")
+        raise OtherSweep(folder)
     folder.mkdir(parents=True, exist_ok=True)
     told.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
     tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
@@ -99,7 +117,7 @@ def _executor(stack: ExitStack, scheduler: str | None, workers: int | None) -> t
     try:
         client = stack.enter_context(Client(scheduler, timeout="10s"))
     except OSError as error:
-        raise TtError(f"no Dask scheduler at {scheduler}: {error}") from error
+        raise NoScheduler(scheduler, error) from error
     return stack.enter_context(client.get_executor(pure=False)), max(1, sum(client.nthreads().values()))
 
 
