@@ -1,4 +1,4 @@
-"""Strokes as they come in play, for the arm alone: no images, a ball known exactly, an arm with lag and noise."""
+"""Strokes as they come in play, for the arm alone: no images, a ball that is known exactly, an arm with lag and noise."""
 
 from __future__ import annotations
 
@@ -27,12 +27,21 @@ LONGEST = 4.0  # s, given to the stroke and the way back
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmTrial:
-    """What came of one ball.
+    """What came of one ball. NaN where no stroke was made.
 
-    strokes: how many candidates there were. reason: None when one was made. turning: rad/s, of the face at the strike. spare: s, between
-    the earliest possible strike and the strike. back: s, from the strike to waiting. miss: m, and tilt: rad, of the racket at the strike.
-    In the plant's own record: room: rad to the nearest position limit; speed: largest share of a speed limit; acceleration: rad/s^2, the
-    largest; clear: m, the least clearance. guarded: what the guard said.
+    Attributes:
+        strokes: Number of candidates.
+        reason: Why none was made; None when one was.
+        turning: rad/s, of the racket's face at the strike.
+        spare: s, between the earliest possible strike and the strike.
+        back: s, from the strike to the waiting posture.
+        miss: m, distance of the racket from its place at the strike.
+        tilt: rad, angle of its normal from the wanted one at the strike.
+        room: rad, least distance of a true joint to its position limit.
+        speed: Largest speed of a true joint, in speed limits.
+        acceleration: rad/s^2, the largest of a true joint.
+        clear: m, least clearance of the true arm.
+        guarded: Names of the codes of the guard's reasons.
     """
 
     strokes: int
@@ -50,7 +59,20 @@ class ArmTrial:
 
 
 def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
-    """The candidates for a ball launched at 0 s at random; none when it does not come within reach. Raises TtError as `launch` does."""
+    """Return the candidates for a ball that is launched at 0 s at random.
+
+    Args:
+        kind: As of `launch`.
+        scale: As of `launch`.
+        seed: Of the launch.
+
+    Returns:
+        Rackets, best first; none when the ball does not come within reach.
+
+    Raises:
+        BadChoice: There is no such kind.
+        OutOfRange: There is no such scale.
+    """
     physics = Physics.liu()
     ball, _ = launch(kind, scale, LauncherParams(), np.random.default_rng(seed))
     path = rollout(ball, physics, StopRule.at_x(path_end(InterceptParams.x_low)))
@@ -59,7 +81,14 @@ def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
 
 
 def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantParams, seed: int) -> ArmTrial:
-    """The arm with these candidates (s after the launch): planned, made tick by tick, and back to waiting."""
+    """Plan and make one stroke, tick by tick, until the arm waits again.
+
+    Args:
+        model: The arm, as the controller knows it.
+        rackets: Candidates, best first; their times are s after the launch.
+        plant_params: How the true arm differs.
+        seed: Of the encoders.
+    """
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)
     start, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, list[list[float]]()

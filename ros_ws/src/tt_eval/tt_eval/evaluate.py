@@ -1,4 +1,4 @@
-"""What sweeps came to: tables, and a page of figures. ros2 run tt_eval evaluate liu.parquet real.parquet --page out.html."""
+"""Evaluate sweeps: tables, and a page of figures. ros2 run tt_eval evaluate liu.parquet real.parquet --page out.html."""
 
 from __future__ import annotations
 
@@ -44,8 +44,14 @@ BLUE, RED, GREEN, GREY = "#1b5e9b", "#c0392b", "#2d8a4e", "#444"
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """name: of the scenario. numbers: by column. misses, judged: why each ball did not come back, None for a return, in truth and by the
-    wide cameras."""
+    """The rows of a sweep.
+
+    Attributes:
+        name: Of the scenario.
+        numbers: By column of NUMBERS.
+        misses: Why each ball did not come back, in truth; None for a return.
+        judged: The same by the wide cameras.
+    """
 
     name: str
     numbers: dict[str, Array]
@@ -54,7 +60,11 @@ class Sweep:
 
     @classmethod
     def read(cls, file: Path) -> Sweep:
-        """Raises TtError for a file that is none of `ros2 run tt_eval sweep`."""
+        """Read the file of a sweep.
+
+        Raises:
+            TtError: It is no file of `ros2 run tt_eval sweep`.
+        """
         try:
             table = pq.read_table(file)
         except (ArrowException, OSError) as error:
@@ -68,13 +78,13 @@ class Sweep:
 
 
 def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:
-    """Median and 95 % of the absolute values that are there, times `scale`; NaN without any."""
+    """Return median and 95 % percentile of the absolute values that are finite, times `scale`; NaN without any."""
     there = np.abs(values[np.isfinite(values)]) * scale
     return (float(np.median(there)), float(np.percentile(there, 95))) if len(there) else (float("nan"), float("nan"))
 
 
 def why(misses: Sequence[Miss | None]) -> dict[Miss, int]:
-    """How often each kind of miss, the frequent first."""
+    """Return how often each kind of miss occurs, the most frequent first."""
     counts = {miss: list(misses).count(miss) for miss in Miss}
     return {miss: n for miss, n in sorted(counts.items(), key=lambda item: -item[1]) if n}
 
@@ -84,7 +94,7 @@ def _cell(value: float, digits: int = 1) -> str:
 
 
 def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str = "") -> list[str]:
-    """The cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras tell."""
+    """Return the cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras show."""
     shares = [100.0 * float(numbers[f"{who}{name}"].mean()) for name in ("hit", "landed")]
     errors = (("landing_error", 100.0), ("time_error", 1e3), ("return_spin_error", 1.0))
     cells = [_cell(v) for v in (*shares, *(v for name, scale in errors for v in percentiles(numbers[f"{who}{name}"], scale)))]
@@ -92,7 +102,7 @@ def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str =
 
 
 def judge_errors(sweep: Sweep) -> list[str]:
-    """The cells of JUDGE: judged minus true, mean and standard deviation over the balls that came back in both."""
+    """Return the cells of JUDGE: judged minus true, mean and standard deviation over the balls that came back in both."""
     cells = []
     for name, scale in (("landing_x", 1e3), ("landing_y", 1e3), ("flight_time", 1e3), ("spin_y", 1.0), ("spin_z", 1.0)):
         off = scale * (sweep.numbers[f"judged_{name}"] - sweep.numbers[name])
@@ -102,7 +112,7 @@ def judge_errors(sweep: Sweep) -> list[str]:
 
 
 def robot(numbers: dict[str, Array]) -> list[str]:
-    """The cells of ROBOT."""
+    """Return the cells of ROBOT."""
     seen = numbers["seen"] == 1.0
     speed, axis = np.abs(numbers["measured_speed_error_rpm"][seen]) < 200.0, numbers["measured_axis_error_deg"][seen] < AXIS
     shares = [100.0 * float(np.mean(right)) if len(right) else float("nan") for right in (speed, axis)]
@@ -123,7 +133,7 @@ def tables(sweeps: Sequence[Sweep]) -> list[Table]:
 
 
 def _field(figure: go.Figure, height: float | None = None, **where: int) -> None:
-    """Draws the table and its net, from above, or from the side up to `height` (m, of the net)."""
+    """Draw the table and its net from above, or from the side with a net of `height` (m)."""
     low, high = (0.0, TABLE_WIDTH) if height is None else (0.0, height)
     line = {"color": GREY}
     figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=low, y1=high if height is None else 0.0, line={"color": BLUE}, **where)
@@ -131,7 +141,7 @@ def _field(figure: go.Figure, height: float | None = None, **where: int) -> None
 
 
 def scatter(numbers: dict[str, Array]) -> go.Figure:
-    """Where returns land on the table, in truth and as judged."""
+    """Draw where returns land on the table, in truth and as judged."""
     figure = go.Figure()
     _field(figure)
     for name, who, colour in (("true", "", BLUE), ("judged", "judged_", RED)):
@@ -145,7 +155,7 @@ def scatter(numbers: dict[str, Array]) -> go.Figure:
 
 
 def causes(numbers: dict[str, Array]) -> go.Figure:
-    """Errors of the landing and of the measured spin against spin and speed of the launched ball."""
+    """Draw the errors of landing and measured spin against spin and speed of the launched ball."""
     errors = (("landing_error", 100.0, "landing off, cm"), ("measured_spin_error_rpm", 1.0, "measured spin off, rpm"))
     there = [error for error in errors if np.isfinite(numbers[error[0]]).any()]
     figure = make_subplots(rows=max(1, len(there)), cols=2, shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.06)
@@ -164,7 +174,7 @@ def causes(numbers: dict[str, Array]) -> go.Figure:
 
 
 def judged_off(numbers: dict[str, Array]) -> go.Figure:
-    """The judge's own error, ball by ball: landing place, flight time, spin."""
+    """Draw the judge's own error, ball by ball: landing place, flight time, spin."""
     titles = ("landing place, mm", "flight time, ms", "spin about y and z, rad/s")
     figure = make_subplots(rows=1, cols=3, subplot_titles=titles)
     off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
@@ -177,6 +187,7 @@ def judged_off(numbers: dict[str, Array]) -> go.Figure:
 
 
 def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.Figure:
+    """Draw how often balls were missed for each reason, in truth and as judged."""
     true, told = why(misses), why(judged)
     names = [*true, *(name for name in told if name not in true)]
     figure = go.Figure()
@@ -189,8 +200,10 @@ def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.
 
 
 def one_ball(episode: Episode) -> go.Figure:
-    """As dissertation Figures 4.7 to 4.10: the ball from the side and from above, and its returning way over time. Dots: as the wide
-    cameras saw it; lines: as the judge fits it; what was asked: grey in place, green in time."""
+    """Draw one ball as dissertation Figures 4.7 to 4.10 do: from the side, from above, and the return over time.
+
+    Dots are where the wide cameras saw it, red lines are the fitted flights; what was asked is grey in place and green in time.
+    """
     titles = ("from the side", "from above", "x after the hit", "y after the hit", "z after the hit")
     places = [{"colspan": 3}, None, None]
     figure = make_subplots(rows=3, cols=3, specs=[places, places, [{}, {}, {}]], subplot_titles=titles, vertical_spacing=0.09)
@@ -224,7 +237,7 @@ def one_ball(episode: Episode) -> go.Figure:
 
 
 def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
-    """(n, 4) time s and place m of the ball from launch to landing, every `step` s and at contacts. air: coefficients."""
+    """Return (n, 4) time (s) and place (m) of a ball from launch to landing, every `step` s and at contacts; air: coefficients."""
     start = outcome.launched.time
     end = outcome.landing.before.time if outcome.landing else outcome.followed_until(start + 1.0)
     contacts = [contact.before.time for contact in outcome.contacts if contact.before.time < end]
@@ -248,6 +261,7 @@ def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+", help="of `ros2 run tt_eval sweep`")
     parser.add_argument("--page", type=Path, metavar="FILE", help="figures, as HTML")

@@ -1,4 +1,4 @@
-"""ros2 run tt_eval experiment rotation|catapult|beyond [--runs N] [--out DIRECTORY]."""
+"""Run an experiment: ros2 run tt_eval experiment rotation|catapult|robustness [--runs N] [--out DIRECTORY]."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ EXPERIMENTS = {"rotation": rotation, "catapult": catapult, "robustness": robustn
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="experiment", description=__doc__)
     parser.add_argument("name", choices=EXPERIMENTS)
     parser.add_argument("--runs", type=int, default=10, help="bursts for each row (default 10)")
