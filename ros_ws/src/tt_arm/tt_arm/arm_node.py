@@ -32,7 +32,7 @@ from tt_core.ros.params import declare
 from tt_core.ros.qos import LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 
-from .control import ArmControl, ControlParams, Step, warm
+from .control import ArmControl, ControlParams, ControlStep, warm
 from .joints import Joints
 from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
@@ -169,7 +169,7 @@ class ArmNode(Node):
         if step is not None:
             self.send(step)
 
-    def send(self, step: Step) -> None:
+    def send(self, step: ControlStep) -> None:
         self.commands.publish(Float64MultiArray(data=step.command.tolist()))
         if step.begun is not None:
             self.status.tell("first command", stamp=self.frame_time)
@@ -207,12 +207,13 @@ class ArmNode(Node):
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=failure)
+            self.status.tell("no swing", stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
             return
         choice = self.control.take(strokes_from_message(message))
-        reasons = "; ".join(choice.reasons)
+        reasons = "; ".join(map(str, choice.reasons))
         if choice.swing is None or choice.reach is None:
-            self.status.tell("no swing", stamp=stamp, warn=True, chosen=-1, reasons=reasons)
+            first = choice.reasons[0].failure if choice.reasons else None
+            self.status.tell("no swing", stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
             return
         self.frame_time = stamp
         self.status.tell(

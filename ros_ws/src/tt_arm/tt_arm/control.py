@@ -24,7 +24,7 @@ from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
-from .stroke_selection import Choice, SelectionParams, apart, choose
+from .stroke_selection import Refusal, SelectionParams, StrokeSelection, apart, choose
 from .swing import Swing, SwingLimits, plan
 
 AT_REST = 0.02  # rad/s, below which a stop is over
@@ -63,7 +63,7 @@ class ControlParams:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class ControlStep:
     """What one joint state leads to.
 
     Attributes:
@@ -155,7 +155,7 @@ class ArmControl:
         held = tuple(self.held.values())  # a copy: two threads look
         return (held[0] if held else None) if self.enabled else self._off
 
-    def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> Step:
+    def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> ControlStep:
         """Return the command for the time of `joints`: along the swing, else towards waiting, else that of a stop.
 
         Args:
@@ -179,23 +179,23 @@ class ArmControl:
         if stopped is not None:
             self._forget()
             self._arriving = self._arriving or damage is not None
-            return Step(self.guard.stop(now, joints), stopped)
+            return ControlStep(self.guard.stop(now, joints), stopped)
         interrupted = (self.states.gap and self._resume(joints)) or interrupted
         if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
-            return Step(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
+            return ControlStep(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
         self._rest = None
         self.guard.speed_scale = self._speed
         if (np.abs(self.guard.last) > self._speed * self.model.speed_limits + 1e-9).any():
-            return Step(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
+            return ControlStep(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
         age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
         return self._follow(joints, now, age, interrupted)
 
-    def refuse(self, now: float, failure: Failure) -> Step:
+    def refuse(self, now: float, failure: Failure) -> ControlStep:
         """Return the next command of a stop, for a joint state that cannot be used. The swing may go on with the next good one."""
         self._refusal = failure, now
-        return Step(self.guard.stop(now), self.stopped_by or failure)
+        return ControlStep(self.guard.stop(now), self.stopped_by or failure)
 
-    def watch(self, now: float) -> Step | None:
+    def watch(self, now: float) -> ControlStep | None:
         """Return the next command of a stop when at `now` (s, monotonic) joint states have ceased; None while all is well."""
         silence = self.states.silence(now) if self.states.last is not None else None
         if silence is None:
@@ -203,9 +203,9 @@ class ArmControl:
         self.joints = None
         failure, at = self._refusal
         reason = failure if now - at < self.states.deadline else silence  # states that come but cannot be used tell more than silence
-        return Step(self.guard.stop(now), self.stopped_by or reason)
+        return ControlStep(self.guard.stop(now), self.stopped_by or reason)
 
-    def take(self, rackets: Sequence[RacketState]) -> Choice:
+    def take(self, rackets: Sequence[RacketState]) -> StrokeSelection:
         """Plan for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
         with self._lock:
             stops, joints, swing, coming, begin = self._stops, self.joints, self.swing, self.coming, self._begin
@@ -274,7 +274,7 @@ class ArmControl:
         self._give_up()
         return interrupted
 
-    def _follow(self, joints: Joints, now: float, age: float, interrupted: bool) -> Step:
+    def _follow(self, joints: Joints, now: float, age: float, interrupted: bool) -> ControlStep:
         """The command along the swing, which begins, ends and is planned anew here."""
         if self._arriving and self._arrived(joints):
             self._give_up()
@@ -288,7 +288,7 @@ class ArmControl:
             try:
                 self.swing = plan(self.model, joints, None, joints.time, self._limits)
             except TtError as error:
-                return Step(self.guard.stop(now, joints), self._does_not_follow(now, error))
+                return ControlStep(self.guard.stop(now, joints), self._does_not_follow(now, error))
         wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
         command, cut = self.guard.check(joints, wanted, now, planned, age)
@@ -297,7 +297,7 @@ class ArmControl:
         elif self._is_spoilt(cut, joints.time):
             interrupted = interrupted or self.stroke is not None
             cut = self._does_not_follow(now, cut)
-        return Step(command, cut, begun, interrupted)
+        return ControlStep(command, cut, begun, interrupted)
 
     def _is_spoilt(self, cut: Failure, time: float) -> bool:
         """Whether the path cannot go on: the guard stopped it, or cuts it for longer than `patience`."""
@@ -345,8 +345,8 @@ class ArmControl:
         self._before = self._ball = -np.inf
 
 
-def _refused(failure: Failure) -> Choice:
-    return Choice(None, None, None, None, (str(failure),), failure)
+def _refused(failure: Failure) -> StrokeSelection:
+    return StrokeSelection(None, None, None, None, (Refusal(failure),), failure)
 
 
 def warm(model: ArmModel) -> None:

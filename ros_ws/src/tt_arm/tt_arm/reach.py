@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numba import njit
 from tt_core.errors import check_array
+from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array, RacketState
 
@@ -24,7 +26,15 @@ from .model import ArmModel
 
 FINER = 2  # times the grid, where the plain one finds no posture at all
 NEWTON_STEPS, NEWTON_ENDS = 50, 7e-10  # steps at most; m and rad about either axis, where it ends: 1e-9 about both
-UNSOLVED = "Newton's method did not converge"
+
+
+class ReachFailure(Enum):
+    """Why a posture cannot be used."""
+
+    OUT_OF_REACH = "out of reach"
+    NOT_CONVERGED = "Newton's method did not converge"
+    BEYOND_POSITION_LIMIT = "joint {joint} would be {beyond:.3f} rad beyond its limit"
+    BEYOND_SPEED_LIMIT = "needs {ratio:.2f} of the joint speed limits"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +76,7 @@ class Reach:
     qdot: Array
     ratio: float
     turning: float
-    reason: str | None
+    reason: Failure | None
 
 
 @njit(cache=True)
@@ -184,20 +194,24 @@ def reach(
             if cost < math.inf:
                 break
         else:
-            return Reach(seed, np.zeros(7), math.inf, 0.0, "out of reach")
+            return Reach(seed, np.zeros(7), math.inf, 0.0, Failure(ReachFailure.OUT_OF_REACH))
         return _judged(model, q, qdot)
     if method == "near":
         answer = nearest(position, racket.normal, velocity, seed, model.position_limits, speed, model.chain)
-        return _told(model, *answer[1:]) if answer[0] else Reach(seed, np.zeros(7), math.inf, 0.0, UNSOLVED)
+        return _told(model, *answer[1:]) if answer[0] else Reach(seed, np.zeros(7), math.inf, 0.0, Failure(ReachFailure.NOT_CONVERGED))
     found, q, _ = newton(position, racket.normal, seed, model.chain, NEWTON_STEPS, NEWTON_ENDS)
-    return _judged(model, q, allocate(model, q, velocity, method="liu")) if found else Reach(seed, np.zeros(7), math.inf, 0.0, UNSOLVED)
+    return (
+        _judged(model, q, allocate(model, q, velocity, method="liu"))
+        if found
+        else Reach(seed, np.zeros(7), math.inf, 0.0, Failure(ReachFailure.NOT_CONVERGED))
+    )
 
 
 def adjust(model: ArmModel, racket: RacketState, before: Reach) -> Reach:
     """The answer for `racket` next to that for a racket state near it: the least changes of posture and joint speeds."""
     found, q, rows = newton(racket.position.copy(), racket.normal, np.array(before.q), model.chain, NEWTON_STEPS, NEWTON_ENDS)
     if not found:
-        return Reach(q, np.zeros(7), math.inf, 0.0, UNSOLVED)
+        return Reach(q, np.zeros(7), math.inf, 0.0, Failure(ReachFailure.NOT_CONVERGED))
     scaled = rows[:3] * model.speed_limits
     missing = racket.velocity - rows[:3] @ before.qdot
     return _judged(model, q, before.qdot + model.speed_limits * (scaled.T @ np.linalg.solve(scaled @ scaled.T, missing)))
@@ -212,7 +226,7 @@ def _judged(model: ArmModel, q: Array, qdot: Array) -> Reach:
 def _told(model: ArmModel, q: Array, qdot: Array, ratio: float, turning: float, joint: int, beyond: float) -> Reach:
     reason = None
     if beyond > 0.0:
-        reason = f"joint {model.names[joint]} would be {beyond:.3f} rad beyond its limit"
+        reason = Failure(ReachFailure.BEYOND_POSITION_LIMIT, joint=model.names[joint], beyond=beyond)
     elif ratio > 1.0:
-        reason = f"needs {ratio:.2f} of the joint speed limits"
+        reason = Failure(ReachFailure.BEYOND_SPEED_LIMIT, ratio=ratio)
     return Reach(q, qdot, ratio, turning, reason)

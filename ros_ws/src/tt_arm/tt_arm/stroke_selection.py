@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 from tt_core.failures import Failure
@@ -32,8 +33,35 @@ class SelectionParams:
         check(self)
 
 
+class SelectionFailure(Enum):
+    """Why a candidate was not worked out."""
+
+    NOT_TRIED = "candidates {first} to {last}: not tried"
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a candidate is not taken.
+
+    Attributes:
+        failure: The reason.
+        index: Of the candidate; None where the reason is none of one candidate.
+        adjusted: Whether the swing on its way was adjusted to this candidate, and no new posture was searched.
+    """
+
+    failure: Failure
+    index: int | None = None
+    adjusted: bool = False
+
+    def __str__(self) -> str:
+        """Return the sentence, with the index of the candidate."""
+        if self.index is None:
+            return str(self.failure)
+        return f"{self.index}{' adjusted' if self.adjusted else ''}: {self.failure}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Choice:
+class StrokeSelection:
     """A stroke that the arm can make in time.
 
     index: of the candidate; None when no candidate can be taken. reasons: of the others that were tried, in order. refused: why none was
@@ -44,7 +72,7 @@ class Choice:
     racket: RacketState | None
     reach: Reach | None
     swing: Swing | None
-    reasons: tuple[str, ...]
+    reasons: tuple[Refusal, ...]
     refused: Failure | None = None
 
 
@@ -64,20 +92,21 @@ def choose(
     params: SelectionParams,
     current: tuple[RacketState, Reach] | None = None,
     hurried: bool = False,
-) -> Choice:
+) -> StrokeSelection:
     """The first candidate that the arm can make from `start` in time, within its limits.
 
     current: the stroke on its way, adjusted where it can be. hurried: the candidate after which the arm waits again soonest instead, for
     another ball comes at once. A stroke out of reach raises nothing: it is a reason.
     """
-    reasons: list[str] = []
+    reasons: list[Refusal] = []
     if current is not None and rackets:
         nearest = min(range(len(rackets)), key=lambda i: apart(current[0], rackets[i]))
         target = adjust(model, rackets[nearest], current[1])
         swing, _, reason = strike(model, start, target, rackets[nearest].time, limits)
         if swing is not None:
-            return Choice(nearest, rackets[nearest], target, swing, ())
-        reasons.append(f"{nearest} adjusted: {reason}")
+            return StrokeSelection(nearest, rackets[nearest], target, swing, ())
+        if reason is not None:
+            reasons.append(Refusal(reason, nearest, adjusted=True))
     found: tuple[int, RacketState, Reach, Swing] | None = None
     tries = params.hurried if hurried else params.tries
     for i, racket in enumerate(rackets[:tries]):
@@ -92,13 +121,14 @@ def choose(
             if swing is not None or earliest - racket.time > HOPELESS:
                 break
         if swing is None:
-            reasons.append(f"{i}: {reason}")
+            if reason is not None:
+                reasons.append(Refusal(reason, i))
         elif found is None or swing.end_time < found[3].end_time:
             found = i, racket, target, swing
         if found is not None and not hurried:
             break
     if found is not None:
-        return Choice(*found, tuple(reasons))
+        return StrokeSelection(*found, tuple(reasons))
     if len(rackets) > tries:
-        reasons.append(f"{tries} to {len(rackets) - 1}: not tried")
-    return Choice(None, None, None, None, tuple(reasons))
+        reasons.append(Refusal(Failure(SelectionFailure.NOT_TRIED, first=tries, last=len(rackets) - 1)))
+    return StrokeSelection(None, None, None, None, tuple(reasons))

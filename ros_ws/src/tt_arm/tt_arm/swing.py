@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_range
+from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array
 
@@ -37,6 +39,23 @@ AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
 SLACK = 2e-3  # relative, for rounding in the last check of the limits
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
 SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
+
+
+class SwingFailure(Enum):
+    """Why there is no swing through the strike."""
+
+    NO_WAY = "the limits allow no way to this strike"
+    TOO_SOON = "the strike is {missing:.3f} s too soon"
+    TOO_LATE = "the limits allow no way that arrives as late as the strike"
+    TOO_FAST = "the arm moves too fast to arrive as late as the strike"
+    NO_WAY_BACK = "the way back to waiting takes more than {bound:g} s"
+    POSITION_LIMIT = "joint {joint} would come within {distance:.3f} rad of its limit on the way"
+    HELD_COMMAND = "joint {joint} would run {beyond:.3f} rad beyond its limit if its drive held a command"
+    SPEED_LIMIT = "joint {joint} would need {share:.3f} of its speed limit on the way"
+    ACCELERATION_LIMIT = "joint {joint} would need {share:.3f} of its acceleration limit on the way"
+    JERK_LIMIT = "joint {joint} would need {share:.3f} of its jerk limit on the way"
+    CLEARANCE = "the arm would come within {distance:.3f} m of {obstacle} on the way or braking there"
+    TORQUE_LIMIT = "joint {joint} would need {share:.2f} of its rated torque on the way"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +108,7 @@ class Swing:
     strike_time: float
     end_time: float
     earliest: float
-    reason: str | None
+    reason: Failure | None
     knots: Array = field(repr=False)  # (7, n) s since start.time, padded with inf
     coefficients: Array = field(repr=False)  # (7, n, 6) in s since the knot, lowest power first
 
@@ -277,38 +296,38 @@ class Path:
             time += STEP
         raise TtError(f"no way to stop within {LONGEST:g} s from qdot = {qdot}, qddot = {qddot}")
 
-    def hits(self) -> str | None:
+    def hits(self) -> Failure | None:
         """What is in the way: a joint's end or another limit of it, the table, the floor, the arm itself or the motors' torque."""
         names, (acceleration, jerk) = self.model.names, self._bounds
         hold, path = self.limits.command_timeout, (self.knots, self.coefficients)
         low, high, fastest, hardest, sharpest, lowest, highest = extremes(self.now, acceleration, hold, *path)
         room = np.minimum(low - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - high)
         if room.min() < self.limits.margin:
-            return f"joint {names[int(room.argmin())]} would come within {max(0.0, room.min()):.3f} rad of its limit on the way"
+            return Failure(SwingFailure.POSITION_LIMIT, joint=names[int(room.argmin())], distance=max(0.0, float(room.min())))
         room = np.minimum(lowest - self.model.position_limits[:, 0], self.model.position_limits[:, 1] - highest)
         if room.min() < 0.0:
-            return f"joint {names[int(room.argmin())]} would run {-room.min():.3f} rad beyond its limit if its drive held a command"
-        shares = {"speed": fastest / self.speed, "acceleration": hardest / acceleration}
+            return Failure(SwingFailure.HELD_COMMAND, joint=names[int(room.argmin())], beyond=-float(room.min()))
+        shares = {SwingFailure.SPEED_LIMIT: fastest / self.speed, SwingFailure.ACCELERATION_LIMIT: hardest / acceleration}
         if self.kind != POLYLINE:
-            shares["jerk"] = sharpest / jerk
-        for name, share in shares.items():
+            shares[SwingFailure.JERK_LIMIT] = sharpest / jerk
+        for code, share in shares.items():
             if share.max() > 1.0 + SLACK:
-                return f"joint {names[int(share.argmax())]} would need {share.max():.3f} of its {name} limit on the way"
+                return Failure(code, joint=names[int(share.argmax())], share=float(share.max()))
         enough = self.limits.clearance
         left, what = path_clearance(self.now, COARSE, acceleration, hold, enough, *path, self.model.chain)
         if left < enough:
-            return f"the arm would come within {max(0.0, 1e3 * left):.0f} mm of {OBSTACLES[what]} on the way or braking there"
+            return Failure(SwingFailure.CLEARANCE, distance=max(0.0, left), obstacle=OBSTACLES[what])
         torque = torque_shares(self.model, self.now, 2.0 * COARSE, *path)
         if torque.max() > self.limits.torque_share:
-            return f"joint {names[int(torque.argmax())]} would need {torque.max():.2f} of its rated torque on the way"
+            return Failure(SwingFailure.TORQUE_LIMIT, joint=names[int(torque.argmax())], share=float(torque.max()))
         return None
 
 
-def _homeward(model: ArmModel, limits: SwingLimits, q: Array, qdot: Array, qddot: Array) -> tuple[Path, str | None]:
+def _homeward(model: ArmModel, limits: SwingLimits, q: Array, qdot: Array, qddot: Array) -> tuple[Path, Failure | None]:
     """The first way to waiting that nothing is in: at once, by a soft stop, by the shortest stop; else the last, and what is in it."""
     for softly in (None, SOFT, 1.0):
         path = Path(model, limits)
-        reason = path.hits() if path.home(q, qdot, qddot, softly) else f"the way back to waiting takes more than {LONGEST:g} s"
+        reason = path.hits() if path.home(q, qdot, qddot, softly) else Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST)
         if reason is None:
             break
     return path, reason
@@ -316,7 +335,7 @@ def _homeward(model: ArmModel, limits: SwingLimits, q: Array, qdot: Array, qddot
 
 def strike(
     model: ArmModel, start: Joints, target: Reach, strike_time: float, limits: SwingLimits
-) -> tuple[Swing | None, float, str | None]:
+) -> tuple[Swing | None, float, Failure | None]:
     """The swing through the target, or None; the earliest possible strike (s), inf if there is none; and why there is no swing.
 
     See `plan`; this spares the way home of an arm that makes no strike.
@@ -329,15 +348,15 @@ def strike(
     time, shortest = strike_time - start.time, path.longer(0.0, *ends)
     earliest = start.time + shortest
     if math.isinf(shortest):
-        return None, earliest, "the limits allow no way to this strike"
+        return None, earliest, Failure(SwingFailure.NO_WAY)
     if time < shortest:
-        return None, earliest, f"the strike is {1e3 * (shortest - time):.0f} ms too soon"
-    reason: str | None = None
+        return None, earliest, Failure(SwingFailure.TOO_SOON, missing=shortest - time)
+    reason: Failure | None = None
     for hurry in (limits.unhurried, 1.0):
         path = Path(model, limits)
         approach = path.longer(time if moving else min(time, hurry * shortest), *ends)
         if approach > time + SAME:
-            reason = "the arm moves too fast to arrive as late as that" if moving else "the limits allow no way that arrives then"
+            reason = Failure(SwingFailure.TOO_FAST if moving else SwingFailure.TOO_LATE)
             continue
         if approach < time:
             path.rest(ends[0], time - approach)

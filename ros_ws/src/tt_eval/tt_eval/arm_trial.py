@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import clearance
+from tt_core.failures import Failure
 from tt_core.physics import Physics
 from tt_core.states import Array, RacketState
 from tt_predict.rollout import StopRule, rollout
@@ -23,6 +25,12 @@ UNTIL_X = -0.5  # m, how far the path is predicted
 LONGEST = 4.0  # s, given to the stroke and the way back
 
 
+class TrialFailure(Enum):
+    """Why no stroke was made, where the arm has refused none."""
+
+    NO_STROKE = "no stroke"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmTrial:
     """What came of one ball.
@@ -34,7 +42,7 @@ class ArmTrial:
     """
 
     strokes: int
-    reason: str | None
+    reason: Failure | None
     turning: float
     spare: float
     back: float
@@ -79,7 +87,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
     made = choice is not None and choice.swing is not None and choice.reach is not None
     return ArmTrial(
         strokes=len(rackets),
-        reason=None if made else _reason(choice.reasons if choice else ()),
+        reason=None if made else choice.reasons[0].failure if choice and choice.reasons else Failure(TrialFailure.NO_STROKE),
         turning=choice.reach.turning if made else np.nan,  # type: ignore[union-attr]
         spare=choice.swing.strike_time - choice.swing.earliest if made else np.nan,  # type: ignore[union-attr]
         back=choice.swing.end_time - choice.swing.strike_time if made else np.nan,  # type: ignore[union-attr]
@@ -91,7 +99,3 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
         clear=min(clearance(row, model.chain)[0] for row in q),
         guarded=frozenset(guarded),
     )
-
-
-def _reason(reasons: tuple[str, ...]) -> str:
-    return reasons[0] if reasons else "no stroke"

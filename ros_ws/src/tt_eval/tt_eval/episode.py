@@ -16,8 +16,9 @@ from scipy.spatial.transform import Rotation
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.stroke_selection import Choice, SelectionParams
-from tt_arm.swing import Swing
+from tt_arm.reach import ReachFailure
+from tt_arm.stroke_selection import SelectionParams, StrokeSelection
+from tt_arm.swing import Swing, SwingFailure
 from tt_arm.swing import plan as plan_swing
 from tt_core.constants import TABLE_WIDTH
 from tt_core.flight import fly
@@ -122,7 +123,7 @@ class Episode:
     measured: BallState | None
     path: BallPath | None
     candidates: Candidates | None
-    choice: Choice | None
+    choice: StrokeSelection | None
     joints: Array
 
     @functools.cached_property
@@ -174,11 +175,11 @@ class Episode:
         if reason.startswith("no stroke"):
             slow = Counter("racket speed" in why for _, why in self.candidates.refused) if self.candidates else Counter()
             return "racket too slow" if slow[True] > slow[False] else "out of reach"
-        if reason.startswith("arm"):
-            reasons = self.choice.reasons if self.choice else ()
-            if not reasons or any("too soon" in why or "only" in why for why in reasons):
+        if self.choice is None or self.choice.index is None:
+            codes = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
+            if not codes or SwingFailure.TOO_SOON in codes:
                 return "too late"
-            return "racket too slow" if any("speed limits" in why or "torque" in why for why in reasons) else "out of reach"
+            return "racket too slow" if codes & ARM_TOO_SLOW else "out of reach"
         return {"own half": "short", "off the table": self._beyond(outcome)}.get(reason, reason)
 
     def _beyond(self, outcome: Outcome) -> str:
@@ -196,6 +197,9 @@ MISSES = (
     "not seen", "refused spin", "out of reach", "too late", "racket too slow",
     "missed", "net", "long", "wide", "short", "double bounce", "second hit", "flying",
 )  # fmt: skip
+
+
+ARM_TOO_SLOW = {ReachFailure.BEYOND_SPEED_LIMIT, SwingFailure.TORQUE_LIMIT}
 
 
 @functools.cache
@@ -299,11 +303,11 @@ def _control(robot: Robot) -> ArmControl:
     return control
 
 
-def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: Choice | None, joints: Array) -> Episode:
+def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: StrokeSelection | None, joints: Array) -> Episode:
     return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, choice, joints)
 
 
-Played = tuple[Outcome, "Choice | None", Array]
+Played = tuple[Outcome, "StrokeSelection | None", Array]
 
 
 def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
@@ -326,7 +330,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
     """The balls in the order of their launches, until nothing more happens to any. rng: of the encoders."""
     tick_time, model = trials[0].scenario.tick, control.model
     hardware = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
-    outcomes, choices, ends = list[Outcome](), dict[int, Choice](), dict[int, int]()
+    outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
     command, record, open_plans = np.zeros(7), list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
     while len(ends) < len(trials) and hardware.joints.time < trials[-1].ball.time + LONGEST:
         if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= hardware.joints.time + tick_time:

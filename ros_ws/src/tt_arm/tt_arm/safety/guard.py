@@ -181,7 +181,7 @@ class Guard:
             left, what = held + bound, held_what
         if left >= bound or left > clearance(q, chain)[0]:
             return None
-        return Failure(ArmStop.NEAR, left=max(0.0, 1e3 * left), obstacle=OBSTACLES[what], bound=1e3 * bound)
+        return Failure(ArmStop.NEAR, left=max(0.0, left), obstacle=OBSTACLES[what], bound=bound)
 
     def _room(self, q: Array, hold: float) -> tuple[Array, Array]:
         """rad/s (7,) down and up, at which each joint may move for `hold` (s) and then brake before its limit."""

@@ -31,7 +31,7 @@ class ArmStop(Enum):
     SPEED_CUT = "speed limit: {joints}"
     POSITION_CUT = "position limit: {joints}"
     ACCELERATION_CUT = "acceleration limit: {joints}"
-    NEAR = "braking would end {left:.0f} mm from {obstacle}, {bound:.0f} mm wanted"
+    NEAR = "braking would end {left:.3f} m from {obstacle}, {bound:.3f} m wanted"
     NOT_FOLLOWING = "gave up {count} paths within {window:g} s, rests and tries again; the last time: {last}"
     OLD_PLAN = "the plan is {age:.2f} s old, at most {bound:g} s allowed"
     # others
