@@ -14,7 +14,7 @@ from tt_arm.reach import ReachFailure, ReachParams, reach
 from tt_arm.safety.guard import GuardParams
 from tt_arm.safety.stops import ArmStop
 from tt_arm.servo import ServoParams, follow
-from tt_arm.stroke_selection import Refusal, SelectionFailure, SelectionParams, choose
+from tt_arm.stroke_selection import Refusal, SelectionFailure, SelectionParams, select_stroke
 from tt_arm.swing import SwingFailure, SwingLimits, plan
 from tt_core.errors import OutOfRange
 from tt_core.failures import Failure
@@ -129,7 +129,7 @@ def test_the_first_is_taken_even_with_nothing_to_spare():
     racket, relaxed = printed(0.0)[1], printed(1.0)[1]
     earliest = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time, limits).earliest
     hasty = RacketState(earliest + 0.002, racket.position, racket.velocity, racket.alpha, racket.beta)
-    choice = choose(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
+    choice = select_stroke(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
     assert choice.index == 0
     assert choice.swing.earliest <= hasty.time
 
@@ -152,7 +152,9 @@ def test_why_each_candidate_failed_is_told():
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
     candidates = [far, soon, low, far, far]
-    choice = choose(MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), SelectionParams(tries=3))
+    choice = select_stroke(
+        MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), SelectionParams(tries=3)
+    )
     assert choice.index is None
     told = [(refusal.index, refusal.failure.code) for refusal in choice.reasons]
     codes = ReachFailure.OUT_OF_REACH, SwingFailure.TOO_SOON, SwingFailure.CLEARANCE, SelectionFailure.NOT_TRIED

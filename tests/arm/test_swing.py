@@ -9,7 +9,9 @@ from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import Reach, adjust, reach
-from tt_arm.swing import AT_REST, LONGEST, PROFILES, Path, SwingFailure, SwingLimits, plan
+from tt_arm.swing import AT_REST, LONGEST, PROFILES, SwingFailure, SwingLimits, Task, append_return, plan
+from tt_arm.trajectory.legs import make_leg
+from tt_arm.trajectory.path_check import path_failure
 from tt_arm.trajectory.torque import torque_shares
 from tt_core.errors import BadChoice, BadShape
 from tt_core.failures import Failure
@@ -91,13 +93,13 @@ def test_a_path_beyond_a_limit_is_told():
         ("acceleration", 15.0, SwingFailure.ACCELERATION_LIMIT),
         ("jerk", 2000.0, SwingFailure.JERK_LIMIT),
     ):
-        path = Path(MODEL, SwingLimits())
-        path.leg(0.4, MODEL.waiting.copy(), np.zeros(7), np.zeros(7), target.q, target.qdot)
-        assert path.home(target.q, target.qdot, np.zeros(7), 1.0)
-        assert path.hits() is None
-        stricter = Path(MODEL, SwingLimits(**{name: value}))
-        stricter.join(path)
-        failure = stricter.hits()
+        limits, waiting, rest = SwingLimits(), MODEL.waiting.copy(), np.zeros(7)
+        task = Task.of(MODEL, limits)
+        path = task.new_path()
+        path.leg(0.4, make_leg(waiting, rest, rest, target.q, target.qdot))
+        assert append_return(path, task, make_leg(target.q, target.qdot, rest, waiting, rest), 1.0)
+        assert path_failure(path, MODEL, limits) is None
+        failure = path_failure(path, MODEL, SwingLimits(**{name: value}))
         assert failure.code is code
         assert failure.values["share"] > 1.0
 

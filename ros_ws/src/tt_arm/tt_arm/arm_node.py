@@ -40,7 +40,7 @@ from .safety.guard import GuardParams
 from .safety.joint_states import JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams
-from .startup_check import check_feasible
+from .startup_check import check_feasible, check_guard
 from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
@@ -83,6 +83,7 @@ class ArmNode(Node):
         super().__init__("arm")
         params = declare(self, ArmParams, changed=self.on_params)
         model = ArmModel.pa10(params.base, params.mount, params.waiting, params.urdf or str(URDF))
+        guard = declare(self, GuardParams, "guard.")
         self.joints = params.joints or model.names
         self.rtf = params.rtf
         self.control = ArmControl(
@@ -90,8 +91,8 @@ class ArmNode(Node):
             declare(self, SwingLimits, "swing."),
             declare(self, ReachParams, "reach."),
             declare(self, ServoParams, "servo."),
-            declare(self, GuardParams, "guard."),
-            declare(self, SelectionParams, "choice."),
+            guard,
+            declare(self, SelectionParams, "selection."),
             declare(self, ControlParams),
             self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )
@@ -101,6 +102,7 @@ class ArmNode(Node):
         self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
         check_feasible(model, self.control.limits)
+        check_guard(model, self.control.limits, guard)
         sys.setswitchinterval(SWITCH)
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last

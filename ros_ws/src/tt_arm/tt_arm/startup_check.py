@@ -1,4 +1,4 @@
-"""Whether an arm with this base, mount and waiting posture can play at all. Checked at the start, reported with numbers."""
+"""What is checked at the start: whether the arm can play from its base with its mount, and whether its guard lets its swings pass."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from .joints import Joints
 from .model import ArmModel
 from .reach import reach
 from .safety.clearance import OBSTACLES, clearance
+from .safety.guard import GuardParams
 from .swing import SwingLimits, plan
 
 TIME = 1.0  # s from the start to the strike; enough for every stroke that is within reach
@@ -27,10 +28,18 @@ class StartupFailure(Enum):
         "base = ({x:g}, {y:g}, {z:g}) with this mount makes {made} of {tried} strokes, {needed:.0f} needed: {reason}; "
         "the furthest is {far:.2f} m from the shoulder, the arm is {length:.2f} m long"
     )
+    GUARD_LIMIT = (
+        "the guard would cut what swings use: for joint {joint} it allows a {quantity} of {allowed:g} {unit}, swings use {used:g} {unit}; "
+        "see the parameters of guard and swing"
+    )
+    GUARD_CLEARANCE = (
+        "the guard would stop what swings use: it keeps {kept:g} m from table, floor and arm, swings come within {used:g} m; "
+        "see guard.clearance and swing.clearance"
+    )
 
 
 class StartupError(TtError):
-    """The arm cannot play.
+    """The arm cannot play, or its limits contradict each other.
 
     Attributes:
         failure: The reason.
@@ -88,3 +97,30 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
                 length=float(model.chain.lengths[1:].sum() + np.linalg.norm(model.chain.mount_position)),
             )
         )  # fmt: skip
+
+
+def check_guard(model: ArmModel, limits: SwingLimits, guard: GuardParams) -> None:
+    """Check that the guard cuts nothing that a swing may use.
+
+    Args:
+        model: The arm.
+        limits: What swings may use.
+        guard: What the guard lets through.
+
+    Raises:
+        StartupError: A swing may use more than the guard lets through.
+    """
+    allowed, used = guard.of_joints(model), limits.of_joints(model)
+    for i, (joint, unit) in enumerate(zip(model.names, used.units, strict=True)):
+        quantities = (
+            ("speed", f"{unit}/s", allowed.speed[i], used.speed[i]),
+            ("change of the command", f"{unit}/s^2", allowed.acceleration[i], used.acceleration[i]),
+            ("position", unit, allowed.position[i, 1], used.position[i, 1]),
+            ("position (downwards)", unit, -allowed.position[i, 0], -used.position[i, 0]),
+        )
+        for quantity, quantity_unit, bound, value in quantities:
+            if value > bound:
+                values = {"quantity": quantity, "unit": quantity_unit, "allowed": float(bound), "used": float(value)}
+                raise StartupError(Failure(StartupFailure.GUARD_LIMIT, joint=joint, **values))
+    if guard.clearance > limits.clearance:
+        raise StartupError(Failure(StartupFailure.GUARD_CLEARANCE, kept=guard.clearance, used=limits.clearance))

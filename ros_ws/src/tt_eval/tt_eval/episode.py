@@ -298,7 +298,7 @@ def session(scenario: Scenario, number: int) -> list[Episode]:
 
 
 def _control(robot: Robot) -> ArmControl:
-    control = ArmControl(_arm(), choosing=SelectionParams(method=robot.reach))
+    control = ArmControl(_arm(), selection=SelectionParams(method=robot.reach))
     control.enable(True)
     return control
 
@@ -319,7 +319,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
         control.swing = replace(_rest(), start=control.joints, end_time=time)
         choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
-    done = rally(trial.ball, swing, time, trial.physics, plant, tick, LONGEST, trial.rng)
+    done = rally(trial.ball, swing, time, trial.physics, plant, control, tick, LONGEST, trial.rng)
     if done is None:
         control.enable(True)
         return None

@@ -128,7 +128,7 @@ class SimNode(Node):
         self.crew = RenderWorker(self.studio)
         self.cameras, self.arm = high_speed_pair(), ArmModel.pa10()
         self.plant = Plant(self.arm, self.world.plant)
-        self.drive = Drive(self.arm.names, self.plant.limits[:, 2], declare(self, DriveParams))
+        self.drive = Drive(self.arm.names, self.plant.limits.speed, declare(self, DriveParams))
         self.refused, self.refusal_told = 0, -np.inf  # commands since the start; s, monotonic
         self.launched, self.busy = 0, threading.Event()  # set while a launch on request waits for its images or its ball flies
         self.ready = deque[Flight]()  # STORE at most, or the one on request

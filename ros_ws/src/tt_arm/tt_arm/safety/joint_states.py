@@ -31,13 +31,25 @@ class JointStateParams:
     """When joint states are used."""
 
     silence: float = param(
-        0.020, "s", "without a valid joint state after which the arm brakes; the node looks each 2.5 ms", low=0.001, high=10.0
+        0.020, "s", "time without a valid joint state after which the arm brakes; checked each 2.5 ms", low=0.001, high=10.0
     )
-    periods: float = param(3.0, "", "of the joint states, which the same may last where they are slower", low=1.0, high=100.0)
-    late: float = param(0.1, "s", "that a joint state may be old when it comes; a busy machine delays some by 50 ms", low=0.001, high=10.0)
-    ahead: float = param(0.005, "s", "that its stamp may be ahead of the clock", low=0.0001, high=10.0)
-    overspeed: float = param(1.2, "", "times a speed limit, for what two positions may differ by", low=1.0, high=100.0)
-    difference: float = param(0.010, "s", "over which positions are differentiated where a driver sends no speeds", low=0.001, high=1.0)
+    periods: float = param(
+        3.0,
+        "",
+        "periods of the joint states without a valid one after which the arm brakes, where that is longer than `silence`",
+        low=1.0,
+        high=100.0,
+    )
+    late: float = param(
+        0.1, "s", "age that a joint state may have when it comes; a busy machine delays some by 50 ms", low=0.001, high=10.0
+    )
+    ahead: float = param(0.005, "s", "time by which the stamp of a joint state may be ahead of the clock", low=0.0001, high=10.0)
+    overspeed: float = param(
+        1.2, "", "speed, in speed limits, with which two positions may differ; beyond it the joint state is refused", low=1.0, high=100.0
+    )
+    difference: float = param(
+        0.010, "s", "time over which positions are differentiated where a driver sends no speeds", low=0.001, high=1.0
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

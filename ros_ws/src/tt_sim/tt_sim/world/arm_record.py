@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from tt_arm.joints import Joints
+from tt_arm.joints import JointBounds, Joints
 from tt_arm.kinematics import Chain
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import OBSTACLES, clearance
@@ -15,8 +15,18 @@ from tt_core.states import Array
 ROUNDING = 1e-6  # of the speed limit, that a speed at the limit may be above it
 
 
+class TickExtremes(NamedTuple):
+    """The extremes of one tick."""
+
+    speed: float  # largest, in speed limits
+    acceleration: float  # rad/s^2, largest
+    limit_distance: float  # rad, of the nearest joint to its end stop
+    clearance: float  # m
+    nearest: int  # index in OBSTACLES
+
+
 @njit(cache=True)
-def measure(q: Array, qdot: Array, before: Array, duration: float, limits: Array, chain: Chain) -> tuple[float, float, float, float, int]:
+def measure(q: Array, qdot: Array, before: Array, duration: float, limits: JointBounds, chain: Chain) -> TickExtremes:
     """Measure one tick.
 
     Args:
@@ -24,20 +34,16 @@ def measure(q: Array, qdot: Array, before: Array, duration: float, limits: Array
         qdot: (7,) rad/s at its end.
         before: (7,) rad/s at its beginning.
         duration: s.
-        limits: (7, 3) lowest and highest position, rad, and speed, rad/s.
+        limits: Of the joints.
         chain: Of the arm.
-
-    Returns:
-        The largest speed in speed limits, the largest acceleration (rad/s^2), the distance of the nearest joint to its end stop (rad), the
-        clearance (m), and the index in OBSTACLES of what is nearest.
     """
     speed, acceleration, limit_distance = 0.0, 0.0, np.inf
     for i in range(7):
-        speed = max(speed, abs(qdot[i]) / limits[i, 2])
+        speed = max(speed, abs(qdot[i]) / limits[i].speed)
         acceleration = max(acceleration, abs(qdot[i] - before[i]) / duration)
-        limit_distance = min(limit_distance, q[i] - limits[i, 0], limits[i, 1] - q[i])
+        limit_distance = min(limit_distance, q[i] - limits[i].low, limits[i].high - q[i])
     left, nearest = clearance(q, chain)
-    return speed, acceleration, limit_distance, left, nearest
+    return TickExtremes(speed, acceleration, limit_distance, left, nearest)
 
 
 class ArmRecord:
@@ -53,7 +59,7 @@ class ArmRecord:
     """
 
     def __init__(self, model: ArmModel, joints: Joints) -> None:
-        self._chain, self._limits = model.chain, np.column_stack([model.position_limits, model.speed_limits])
+        self._chain, self._limits = model.chain, model.limits.bounds
         self._joints = joints
         self._broken: frozenset[str] = frozenset()  # bounds, in the last tick
         _, _, limit_distance, left, nearest = measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain)

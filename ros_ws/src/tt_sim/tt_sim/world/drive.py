@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from tt_arm.joints import ACCELERATION, COMMAND_TIMEOUT
 from tt_core.errors import check_array, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
@@ -17,8 +18,20 @@ LARGEST = 100.0  # rad/s, beyond which a command is no velocity of a joint; 16 t
 class DriveParams:
     """What the drives do without a command."""
 
-    command_timeout: float = param(0.1, "s", "for which a command holds, as in the drives of real arms", low=0.001, high=10.0)
-    braking: float = param(20.0, "rad/s^2", "at which each joint brakes; what the arm's guard counts on", low=0.1, high=1000.0)
+    command_timeout: float = param(
+        COMMAND_TIMEOUT,
+        "s",
+        "time for which a command holds, as in the drives of real arms; `swing.command_timeout` is the same",
+        low=0.001,
+        high=10.0,
+    )
+    braking: float = param(
+        ACCELERATION,
+        "rad/s^2",
+        "deceleration of each joint without a command; `swing.acceleration`, which the guard counts on, is the same",
+        low=0.1,
+        high=1000.0,
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 from numba import njit
-from tt_arm.joints import Joints
+from tt_arm.joints import JointBounds, Joints
 from tt_arm.kinematics import forward
 from tt_arm.model import ArmModel
 from tt_core.errors import check_array, check_range
@@ -29,12 +29,14 @@ class PlantParams:
     """How the simulated arm differs from the perfect one."""
 
     time_constant: float = param(0.005, "s", "lag of the joint velocity loops, an assumption", low=0.0001, high=1.0)
-    acceleration: float = param(40.0, "rad/s^2", "an assumption: twice what a swing asks for", low=0.1, high=10000.0)
-    speed_share: float = param(1.0, "", "of the speed limits that the drives reach", low=0.01, high=1.0)
-    torque_share: float = param(0.0, "", "of the rated torque that the motors have; 0: as much as it takes", low=0.0, high=100.0)
+    acceleration: float = param(
+        40.0, "rad/s^2", "acceleration that each joint reaches, an assumption: twice what a swing uses", low=0.1, high=10000.0
+    )
+    speed_share: float = param(1.0, "", "share of the speed limits that the drives reach", low=0.01, high=1.0)
+    torque_share: float = param(0.0, "", "share of the rated torque that the motors have; 0: no limit", low=0.0, high=100.0)
     q_noise: float = param(0.0, "rad", "standard deviation of a measured position", low=0.0, high=1.0)
     qdot_noise: float = param(0.0, "rad/s", "standard deviation of a measured speed", low=0.0, high=10.0)
-    q_step: float = param(0.0, "rad", "of the encoders; 0: none", low=0.0, high=0.1)
+    q_step: float = param(0.0, "rad", "resolution of the encoders; 0: exact", low=0.0, high=0.1)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -43,7 +45,19 @@ class PlantParams:
 
 @njit(cache=True)
 def step_joint(q: float, v: float, u: float, duration: float, lag: float, acceleration: float) -> tuple[float, float]:
-    """Position and speed after `duration`: at the acceleration limit while it is asked for more, then an exponential."""
+    """Advance one joint: at the acceleration limit while more is asked for, then an exponential.
+
+    Args:
+        q: rad.
+        v: rad/s.
+        u: rad/s, the command.
+        duration: s.
+        lag: s, time constant of the velocity loop.
+        acceleration: rad/s^2, limit both ways.
+
+    Returns:
+        Position (rad) and speed (rad/s) after `duration`.
+    """
     gap = u - v
     ramp = min(duration, max(0.0, abs(gap) / acceleration - lag))
     push = math.copysign(acceleration, gap)
@@ -55,21 +69,38 @@ def step_joint(q: float, v: float, u: float, duration: float, lag: float, accele
 
 
 @njit(cache=True)
-def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limits: Array, lag: float, acceleration: float) -> None:
-    """In place; limits (7, 3) low, high, speed."""
+def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limits: JointBounds, lag: float) -> None:
+    """Advance all joints in place. A joint that runs into its end stop stops there.
+
+    Args:
+        q: (7,) rad; changed.
+        qdot: (7,) rad/s; changed.
+        command: (7,) rad/s.
+        duration: s.
+        limits: What the drives reach.
+        lag: s, time constant of the velocity loops.
+    """
     for i in range(7):
-        u = min(limits[i, 2], max(-limits[i, 2], command[i]))
-        q[i], qdot[i] = step_joint(q[i], qdot[i], u, duration, lag, acceleration)
-        if not limits[i, 0] <= q[i] <= limits[i, 1]:
-            q[i], qdot[i] = min(limits[i, 1], max(limits[i, 0], q[i])), 0.0
+        u = min(limits[i].speed, max(-limits[i].speed, command[i]))
+        q[i], qdot[i] = step_joint(q[i], qdot[i], u, duration, lag, limits[i].acceleration)
+        if not limits[i].low <= q[i] <= limits[i].high:
+            q[i], qdot[i] = min(limits[i].high, max(limits[i].low, q[i])), 0.0
 
 
 class Plant:
-    """Pure but for its constants: the state is passed in and returned."""
+    """The simulated arm. It keeps constants only: the state is passed in and returned.
+
+    Attributes:
+        model: The arm.
+        params: How it differs from the perfect one.
+        limits: What its joints reach.
+    """
 
     def __init__(self, model: ArmModel, params: PlantParams | None = None) -> None:
+        """Keep the constants of an arm."""
         self.model, self.params = model, params or PlantParams()
-        self.limits = np.column_stack([model.position_limits, self.params.speed_share * model.speed_limits])
+        speed, effort = self.params.speed_share, self.params.torque_share
+        self.limits = model.limits.reduced(speed=speed, effort=effort, acceleration=self.params.acceleration)
 
     @cached_property
     def _data(self) -> pin.Data:
@@ -97,19 +128,19 @@ class Plant:
 
     def _after(self, state: Joints, command: Array, duration: float) -> tuple[Array, Array]:
         q, qdot, params = state.q.copy(), state.qdot.copy(), self.params
-        advance_joints(q, qdot, command.astype(float), duration, self.limits, params.time_constant, params.acceleration)
+        advance_joints(q, qdot, command.astype(float), duration, self.limits.bounds, params.time_constant)
         if params.torque_share > 0.0 and duration > 0.0:
             return self._driven(state, q, qdot, duration)
         return q, qdot
 
     def _driven(self, state: Joints, q: Array, qdot: Array, duration: float) -> tuple[Array, Array]:
         """q and qdot after `duration`, wanted without a torque limit, as the motors can make them."""
-        model, most = self.model.pinocchio, self.params.torque_share * self.model.torque_limits
+        model, most = self.model.pinocchio, self.limits.effort
         before = np.array(state.q), np.array(state.qdot)
         torque = pin.rnea(model, self._data, *before, (qdot - before[1]) / duration)
         if (np.abs(torque) <= most).all():
             return q, qdot
         qddot = pin.aba(model, self._data, *before, np.clip(torque, -most, most))
         q, qdot = before[0] + duration * before[1] + 0.5 * duration**2 * qddot, before[1] + duration * qddot
-        inside = np.clip(q, self.limits[:, 0], self.limits[:, 1])
+        inside = np.clip(q, *self.limits.position.T)
         return inside, np.where(inside == q, qdot, 0.0)

@@ -14,14 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from tt_core.bounce import rebound_racket, rebound_table
-from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.constants import (
+    BALL_RADIUS,
+    FLOOR_Z,
+    NET_HEIGHT,
+    NET_OVERHANG,
+    NET_X,
+    RACKET_RADIUS,
+    TABLE_LENGTH,
+    TABLE_THICKNESS,
+    TABLE_WIDTH,
+)
 from tt_core.errors import check_range
 from tt_core.flight import MAX_STEP, ease, step
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
-RACKET_RADIUS = 0.075  # m, a disc of a usual blade's width
-TABLE_THICKNESS = 0.025  # m, of a usual competition table
 NET_THICKNESS = 0.002  # m
 NET_RESTITUTION = 0.1  # of the speed towards the net, an assumption: cord and cloth give little back
 NET_DRAG = 0.1  # share of the speed along the net and of the spin that it takes, an assumption
