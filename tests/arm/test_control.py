@@ -434,7 +434,8 @@ from arm.test_control import MODEL, Arm
 from tt_arm.control import warm
 
 def kernels():
-    modules = [importlib.import_module(f"tt_arm.{m.name}") for m in pkgutil.iter_modules(tt_arm.__path__) if not m.name.endswith("_node")]
+    names = [m.name for m in pkgutil.walk_packages(tt_arm.__path__, "tt_arm.") if not m.name.endswith("_node")]
+    modules = [importlib.import_module(name) for name in names]
     return {(v.__module__, k, str(s)) for m in modules for k, v in vars(m).items() if isinstance(v, Dispatcher) for s in v.signatures}
 
 warm(MODEL)

@@ -1,3 +1,5 @@
+"""Installation of the package."""
+
 from setuptools import find_packages, setup
 
 setup(

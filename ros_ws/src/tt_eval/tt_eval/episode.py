@@ -44,7 +44,7 @@ from tt_vision.measure import Measurement, measure
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
-from .fast_swing import rally
+from .fast_swing import Setup, rally
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
 from .video_scoring import score_from_video
@@ -319,7 +319,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
         control.swing = replace(_rest(), start=control.joints, end_time=time)
         choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
-    done = rally(trial.ball, swing, time, trial.physics, plant, control, tick, LONGEST, trial.rng)
+    done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)
     if done is None:
         control.enable(True)
         return None

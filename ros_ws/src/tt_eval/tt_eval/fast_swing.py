@@ -59,6 +59,15 @@ class Followed(NamedTuple):
     coefficients: Array  # (7, n, 6)
 
 
+class Setup(NamedTuple):
+    """What a ball is played with."""
+
+    physics: Physics  # true for this ball
+    plant: Plant  # the simulated arm
+    control: ArmControl  # its controller
+    tick: float  # s
+
+
 class Record(NamedTuple):
     """What is filled, a row for each tick."""
 
@@ -132,25 +141,22 @@ def _controller(control: ArmControl) -> Controller:
 
 
 def rally(
-    ball: BallState, swing: Swing | None, time: float, physics: Physics, plant: Plant, control: ArmControl, tick: float, longest: float,
-    rng: np.random.Generator,
-) -> tuple[list[Contact], Array] | None:  # fmt: skip
+    ball: BallState, swing: Swing | None, time: float, setup: Setup, longest: float, rng: np.random.Generator
+) -> tuple[list[Contact], Array] | None:
     """Play a ball against an arm that waits until `time` and then makes the swing.
 
     Args:
         ball: As launched.
         swing: What the arm does; None to wait on.
         time: s.
-        physics: True for this ball.
-        plant: The simulated arm.
-        control: Its controller.
-        tick: s.
+        setup: Physics, arm and controller.
         longest: s, until when the ball is followed.
         rng: Of the encoders.
 
     Returns:
         Contacts of the ball, and joints (n, 15) as of `Episode`; None when the guard or the motors would act.
     """
+    physics, plant, control, tick = setup
     params, model = plant.params, plant.model
     if control.guard.params.clearance > control.limits.clearance:
         return None

@@ -21,14 +21,14 @@ class DriveParams:
     command_timeout: float = param(
         COMMAND_TIMEOUT,
         "s",
-        "time for which a command holds, as in the drives of real arms; `swing.command_timeout` is the same",
+        "time for which a command holds, as in the drives of real arms; the arm must know it as `swing.command_timeout`",
         low=0.001,
         high=10.0,
     )
     braking: float = param(
         ACCELERATION,
         "rad/s^2",
-        "deceleration of each joint without a command; `swing.acceleration`, which the guard counts on, is the same",
+        "deceleration of each joint without a command; the guard counts on `swing.acceleration`",
         low=0.1,
         high=1000.0,
     )

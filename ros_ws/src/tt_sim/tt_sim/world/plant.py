@@ -1,8 +1,8 @@
 """A simulated arm that obeys joint velocity commands with a lag, exactly integrated.
 
-Each joint: qddot = (command - qdot) / time_constant, cut at the acceleration limit; the command is cut at the speed limit, and a joint that
-runs into its end stops there. With a torque limit the dynamics (pinocchio) tell what the motors would need over the tick: a torque that
-they have not is cut, and all joints move as the torques left make them.
+For each joint qddot = (command - qdot) / time_constant, cut at the acceleration limit. The command is cut at the speed limit, and a joint
+that runs into its end stop stops there. With a torque limit, inverse dynamics (pinocchio) give the torques that a tick needs. If one is
+above its limit, the torques are cut, and forward dynamics give the motion.
 """
 
 from __future__ import annotations
@@ -107,19 +107,30 @@ class Plant:
         return self.model.pinocchio.createData()
 
     def advance(self, state: Joints, command: Array, duration: float) -> Joints:
-        """The joints `duration` (s) later under one command (7,) rad/s. Raises OutOfRange, BadShape, NotFinite."""
+        """Return the joints `duration` (s) later under one command.
+
+        Args:
+            state: The joints now.
+            command: (7,) rad/s.
+            duration: s, 0 to 10.
+
+        Raises:
+            OutOfRange: `duration` is outside its range.
+            BadShape: `command` has another shape.
+            NotFinite: A number is NaN or infinite.
+        """
         duration = check_range("duration", duration, 0.0, 10.0)
         q, qdot = self._after(state, check_array("command", command, (7,)), duration)
         return Joints(state.time + duration, q, qdot)
 
     def racket(self, state: Joints, command: Array | None = None, duration: float = 0.0) -> RacketMotion:
-        """The racket at `state`, or `duration` (s) later under `command` (7,), exact at any instant of a tick; about 15 us."""
+        """Return the racket now, or `duration` (s) later under `command` (7,) rad/s; exact at any instant of a tick; about 15 us."""
         q, qdot = (state.q.copy(), state.qdot) if command is None else self._after(state, command, duration)
         position, rotation, jacobian = forward(q, self.model.chain)
         return RacketMotion(position, rotation, jacobian[:3] @ qdot, jacobian[3:] @ qdot)
 
     def measured(self, state: Joints, rng: np.random.Generator) -> Joints:
-        """What the encoders tell."""
+        """Return what the encoders measure."""
         params = self.params
         if params.q_noise == params.qdot_noise == params.q_step == 0.0:
             return state
@@ -134,7 +145,7 @@ class Plant:
         return q, qdot
 
     def _driven(self, state: Joints, q: Array, qdot: Array, duration: float) -> tuple[Array, Array]:
-        """q and qdot after `duration`, wanted without a torque limit, as the motors can make them."""
+        """Return q and qdot after `duration` (s) as the motors can make them; given are those without a torque limit."""
         model, most = self.model.pinocchio, self.limits.effort
         before = np.array(state.q), np.array(state.qdot)
         torque = pin.rnea(model, self._data, *before, (qdot - before[1]) / duration)
