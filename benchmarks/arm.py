@@ -11,7 +11,7 @@ from tt_arm.control import ArmControl, warm
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachParams, reach
-from tt_arm.stroke_selection import SelectionParams, choose
+from tt_arm.stroke_selection import SelectionParams, select_stroke
 from tt_arm.swing import PROFILES, Swing, SwingLimits, plan
 from tt_arm.trajectory.torque import torque_shares
 from tt_core.states import RacketState
@@ -67,7 +67,7 @@ def main() -> None:
         metrics[f"{name}: face turns, rad/s"] = reach(MODEL, racket, MODEL.waiting).turning
     for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), *((20.0, profile) for profile in PROFILES)):
         limits = SwingLimits(acceleration=acceleration, profile=profile)
-        found = [choose(MODEL, [racket], WAITING, limits, ReachParams(), SelectionParams()) for racket in printed.values()]
+        found = [select_stroke(MODEL, [racket], WAITING, limits, ReachParams(), SelectionParams()) for racket in printed.values()]
         swings = [plan(MODEL, WAITING, reach(MODEL, racket, MODEL.waiting), 1.0, limits) for racket in printed.values()]
         label = f"{acceleration:.0f} rad/s^2, {profile}"
         metrics[f"printed strikes made in 0.40 s, {label}"] = float(sum(choice.swing is not None for choice in found))
@@ -83,7 +83,7 @@ def main() -> None:
     for left in (0.4, 0.5, 0.6, 0.8):
         strokes = [asked(rng, left) for _ in range(min(1000, given.runs))]
         start = time.perf_counter()
-        made = [choose(MODEL, [stroke], WAITING, SwingLimits(), ReachParams(), SelectionParams()).swing for stroke in strokes]
+        made = [select_stroke(MODEL, [stroke], WAITING, SwingLimits(), ReachParams(), SelectionParams()).swing for stroke in strokes]
         metrics[f"planning of one stroke, mean ms ({left} s left)"] = 1e3 * (time.perf_counter() - start) / len(strokes)
         metrics[f"strokes over half the table's width made in {left} s, %"] = 100.0 * np.mean([swing is not None for swing in made])
     report("arm", given.runs, {name: float(value) for name, value in metrics.items()}, given.json)

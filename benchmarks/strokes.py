@@ -64,7 +64,7 @@ def main() -> None:
         made[shot] += one.reason is None
         guarded.update(one.guarded)
         if one.reason is not None:
-            why["".join(c for c in one.reason.partition(": ")[2] or one.reason if not c.isdigit())] += 1
+            why[one.reason.code.name] += 1
     for shot in shots:
         metrics[f"made, {shot[0]} {shot[1]}, %"] = 100.0 * made[shot] / max(1, tried[shot])
     metrics["made, all, %"] = 100.0 * sum(made.values()) / given.runs

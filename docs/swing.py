@@ -52,7 +52,7 @@ def played(kind: str, scale: int) -> tuple[np.ndarray, np.ndarray, float]:
         if choice is None and joints.time >= STROKES_AT:
             choice = control.take(strokes(kind, scale, 0))
             if choice.swing is None:
-                raise SystemExit(f"{kind} {scale}: {choice.reasons}")
+                raise SystemExit(f"{kind} {scale}: {'; '.join(map(str, choice.reasons))}")
         rows.append([joints.time, *joints.q, *joints.qdot])
     times = np.array([row[0] for row in rows])
     reference = np.array([[t, *np.hstack(choice.swing.sample(t))] for t in times])

@@ -6,15 +6,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
-from tt_arm.model import ArmModel
+from tt_arm.kinematics import collision_radii
+from tt_arm.model import BLADE_ALLOWANCE, ArmModel
 from tt_arm.reach import reach
-from tt_arm.safety.clearance import FOREARM, OBSTACLES, PEDESTAL, RIM, braking_clearance, clearance, clearances, from_segment, from_table
-from tt_arm.swing import plan
-from tt_core.constants import FLOOR_Z, TABLE_WIDTH
+from tt_arm.safety.clearance import OBSTACLES, braking_clearance, clearance, clearances, from_segment, from_table
+from tt_arm.swing import SwingFailure, plan
+from tt_core.constants import FLOOR_Z, RACKET_RADIUS, TABLE_THICKNESS, TABLE_WIDTH
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
+RADII = collision_radii(MODEL.chain)
 postures = arrays(float, 7, elements=st.floats(-1.0, 1.0)).map(lambda x: x * MODEL.position_limits[:, 1])
+
+
+def test_the_radii_are_those_of_the_urdf():
+    assert RADII == (0.08, 0.06, 0.08, 0.10)  # m; the racket's is the blade's half length, 5 mm more than its half width
+    assert RADII.racket == pytest.approx(RACKET_RADIUS + BLADE_ALLOWANCE)
 
 
 def test_distances_to_the_table_top():
@@ -22,7 +29,7 @@ def test_distances_to_the_table_top():
     assert from_table(-0.3, 0.7, 0.4) == pytest.approx(0.5)
     assert from_table(1.0, -0.3, -0.01) == pytest.approx(0.3)
     assert from_table(1.0, 0.7, -0.02) == 0.0
-    assert from_table(1.0, 0.7, -0.53) == pytest.approx(0.5)
+    assert from_table(1.0, 0.7, -TABLE_THICKNESS - 0.5) == pytest.approx(0.5)
 
 
 def test_distances_to_a_segment():
@@ -36,10 +43,13 @@ def test_distances_to_a_segment():
 def test_it_bounds_the_distance_of_the_face(q):
     face, _ = MODEL.racket(q)
     table, floor, itself = clearances(q, MODEL.chain)
-    assert -FOREARM <= table <= from_table(*face) + RIM
-    assert floor <= face[2] - FLOOR_Z + RIM
+    assert -RADII.forearm <= table <= from_table(*face) + RADII.racket
+    assert floor <= face[2] - FLOOR_Z + RADII.racket
     base = np.array(MODEL.chain.base_position)
-    assert itself <= from_segment(*face, np.array([*base[:2], FLOOR_Z]), base + [0.0, 0.0, MODEL.chain.lengths[0]]) - PEDESTAL + RIM
+    assert (
+        itself
+        <= from_segment(*face, np.array([*base[:2], FLOOR_Z]), base + [0.0, 0.0, MODEL.chain.lengths[0]]) - RADII.pedestal + RADII.racket
+    )
     least, what = clearance(q, MODEL.chain)
     assert least == min(table, floor, itself) == (table, floor, itself)[what]
 
@@ -72,7 +82,7 @@ def test_touches_are_known_by_what_is_touched(degrees, obstacle, base_z):
 def test_braking_ends_where_constant_deceleration_does(q, share):
     speeds = share * MODEL.speed_limits
     end = q + 0.5 * speeds * np.abs(speeds) / 20.0
-    assert braking_clearance(q, speeds, 20.0, 0.0, MODEL.chain)[0] <= clearance(end, MODEL.chain)[0] + 1e-9
+    assert braking_clearance(q, speeds, np.full(7, 20.0), 0.0, MODEL.chain)[0] <= clearance(end, MODEL.chain)[0] + 1e-9
 
 
 def test_a_strike_in_the_table_is_refused():
@@ -80,4 +90,4 @@ def test_a_strike_in_the_table_is_refused():
     for height, clear in ((0.3, True), (0.06, False)):
         racket = RacketState(2.0, np.array([0.05, 0.7, height]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
         reason = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), 2.0).reason
-        assert reason is None if clear else "of the table on the way or braking" in reason
+        assert reason is None if clear else (reason.code, reason.values["obstacle"]) == (SwingFailure.CLEARANCE, "the table")

@@ -10,12 +10,12 @@ from arm.dissertation_strokes import NAMES, printed
 from tt_arm.control import ArmControl, ControlParams
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.reach import ReachParams, reach
+from tt_arm.reach import ReachFailure, ReachParams, reach
 from tt_arm.safety.guard import GuardParams
 from tt_arm.safety.stops import ArmStop
 from tt_arm.servo import ServoParams, follow
-from tt_arm.stroke_selection import SelectionParams, choose
-from tt_arm.swing import SwingLimits, plan
+from tt_arm.stroke_selection import Refusal, SelectionFailure, SelectionParams, select_stroke
+from tt_arm.swing import SwingFailure, SwingLimits, plan
 from tt_core.errors import OutOfRange
 from tt_core.failures import Failure
 from tt_core.states import RacketState
@@ -118,8 +118,8 @@ def test_the_first_candidate_that_can_be_made_is_taken():
     arm.run(0.05)
     choice = arm.control.take([far, soon, good, good])
     assert choice.index == 2
-    assert choice.reasons[0] == "0: out of reach"
-    assert choice.reasons[1].startswith("1: the strike is ")
+    assert choice.reasons[0] == Refusal(Failure(ReachFailure.OUT_OF_REACH), 0)
+    assert (choice.reasons[1].index, choice.reasons[1].failure.code) == (1, SwingFailure.TOO_SOON)
     assert arm.control.take([]).index is None
 
 
@@ -129,7 +129,7 @@ def test_the_first_is_taken_even_with_nothing_to_spare():
     racket, relaxed = printed(0.0)[1], printed(1.0)[1]
     earliest = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time, limits).earliest
     hasty = RacketState(earliest + 0.002, racket.position, racket.velocity, racket.alpha, racket.beta)
-    choice = choose(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
+    choice = select_stroke(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
     assert choice.index == 0
     assert choice.swing.earliest <= hasty.time
 
@@ -152,12 +152,14 @@ def test_why_each_candidate_failed_is_told():
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
     candidates = [far, soon, low, far, far]
-    choice = choose(MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), SelectionParams(tries=3))
+    choice = select_stroke(
+        MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), SelectionParams(tries=3)
+    )
     assert choice.index is None
-    for told, words in zip(
-        choice.reasons, ("0: out of reach", "1: the strike is", "2: the arm would come within", "3 to 4: not tried"), strict=True
-    ):
-        assert told.startswith(words)
+    told = [(refusal.index, refusal.failure.code) for refusal in choice.reasons]
+    codes = ReachFailure.OUT_OF_REACH, SwingFailure.TOO_SOON, SwingFailure.CLEARANCE, SelectionFailure.NOT_TRIED
+    assert told == list(zip((0, 1, 2, None), codes, strict=True))
+    assert choice.reasons[3].failure.values == {"first": 3, "last": 4}
 
 
 def test_nothing_moves_unless_enabled():
@@ -432,7 +434,8 @@ from arm.test_control import MODEL, Arm
 from tt_arm.control import warm
 
 def kernels():
-    modules = [importlib.import_module(f"tt_arm.{m.name}") for m in pkgutil.iter_modules(tt_arm.__path__) if not m.name.endswith("_node")]
+    names = [m.name for m in pkgutil.walk_packages(tt_arm.__path__, "tt_arm.") if not m.name.endswith("_node")]
+    modules = [importlib.import_module(name) for name in names]
     return {(v.__module__, k, str(s)) for m in modules for k, v in vars(m).items() if isinstance(v, Dispatcher) for s in v.signatures}
 
 warm(MODEL)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tt_arm.ik.velocity_allocation import allocate
 from tt_arm.model import ArmModel
-from tt_arm.reach import ReachParams, adjust, reach
+from tt_arm.reach import ReachFailure, ReachParams, adjust, reach
 from tt_arm.trajectory.profiles import least_time
 from tt_core.errors import OutOfRange
 from tt_core.states import RacketState
@@ -100,11 +100,13 @@ def test_the_way_back_is_shorter_when_it_counts():
 
 def test_out_of_reach_is_a_reason():
     far = RacketState(1.0, np.array([2.0, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
-    assert reach(MODEL, far, MODEL.waiting).reason == "out of reach"
-    assert "Newton" in reach(MODEL, far, MODEL.waiting, method="near").reason
+    assert reach(MODEL, far, MODEL.waiting).reason.code is ReachFailure.OUT_OF_REACH
+    assert reach(MODEL, far, MODEL.waiting, method="near").reason.code is ReachFailure.NOT_CONVERGED
     racket = printed(1.0)[0]
     fast = RacketState(1.0, racket.position, 4.0 * racket.velocity, racket.alpha, racket.beta)
-    assert "of the joint speed limits" in reach(MODEL, fast, MODEL.waiting).reason
+    found = reach(MODEL, fast, MODEL.waiting)
+    assert found.reason.code is ReachFailure.BEYOND_SPEED_LIMIT
+    assert found.reason.values["ratio"] == found.ratio > 1.0
 
 
 @pytest.mark.parametrize("racket", printed(1.0), ids=NAMES)
@@ -128,5 +130,6 @@ def test_the_whole_search_is_quick():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(OutOfRange, match="grid = 2"):
+    with pytest.raises(OutOfRange) as told:
         ReachParams(grid=2)
+    assert (told.value.name, told.value.value) == ("grid", 2)

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from tt_arm.joints import Joints
-from tt_arm.model import URDF, ArmModel
-from tt_arm.reach import reach
-from tt_arm.startup_check import check_feasible, strokes
+from tt_arm.model import URDF, ArmModel, UrdfError, UrdfFailure
+from tt_arm.reach import ReachFailure, reach
+from tt_arm.safety.guard import GuardParams
+from tt_arm.startup_check import StartupError, StartupFailure, check_feasible, check_guard, strokes
 from tt_arm.swing import SwingLimits, plan
-from tt_core.errors import TtError
+from tt_core.errors import OutOfRange
 
 MODEL = ArmModel.pa10()
 
@@ -19,38 +20,72 @@ def test_this_arm_can_play():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "code", "values"),
     [
-        (
-            {"base": (-2.0, 0.7625, -0.06, 0.0)},
-            r"base = \(-2, 0.7625, -0.06\) .* 0 of 12 strokes, 6 needed: out of reach; .* 1.98 m from the",
-        ),
-        ({"mount": (0.15, 0.0)}, "with this mount makes [0-5] of 12 strokes"),  # a racket square to the flange's axis
-        ({"waiting": np.radians((0, 80, 0, 60, -80, 70, 110))}, "waiting = .* mm from the table, 10 mm wanted"),
+        ({"base": (-2.0, 0.7625, -0.06, 0.0)}, StartupFailure.TOO_FEW_STROKES, {"x": -2.0, "made": 0, "tried": 12, "needed": 6.0}),
+        ({"mount": (0.15, 0.0)}, StartupFailure.TOO_FEW_STROKES, {"tried": 12}),  # a racket square to the flange's axis
+        ({"waiting": np.radians((0, 80, 0, 60, -80, 70, 110))}, StartupFailure.WAITING_TOO_NEAR, {"obstacle": "the table", "bound": 0.01}),
     ],
 )
-def test_an_arm_that_cannot_play_is_told(changes, words):
-    with pytest.raises(TtError, match=words):
+def test_an_arm_that_cannot_play_is_told(changes, code, values):
+    with pytest.raises(StartupError) as told:
         check_feasible(ArmModel.pa10(**changes), SwingLimits())
+    assert told.value.failure.code is code
+    assert values.items() <= told.value.failure.values.items()
+
+
+def test_an_arm_that_is_too_far_tells_how_far():
+    with pytest.raises(StartupError) as told:
+        check_feasible(ArmModel.pa10(base=(-2.0, 0.7625, -0.06, 0.0)), SwingLimits())
+    values = told.value.failure.values
+    assert values["reason"].code is ReachFailure.OUT_OF_REACH
+    assert values["far"] == pytest.approx(1.98, abs=0.01)
+    assert values["far"] > values["length"]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "code", "values"),
     [
-        ("<robot", "<nonsense", "cannot be read"),
-        ('name="w2" type="revolute"', 'name="w2" type="fixed"', "has 6 joints .* wanted 7 revolute ones"),
-        ('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', "joint s2 is a RX, wanted one about y"),
-        ('velocity="2"', 'velocity="0"', "joint s3 has limits .* 0 rad/s"),
-        ('xyz="0 0 0.315"', 'xyz="0 0.1 0.315"', "joint s2 stands at .* wanted straight above"),
+        ("<robot", "<nonsense", UrdfFailure.NOT_READABLE, {}),
+        ('name="w2" type="revolute"', 'name="w2" type="fixed"', UrdfFailure.WRONG_JOINTS, {"count": 6}),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', UrdfFailure.WRONG_AXIS, {"joint": "s2", "kind": "RX", "axis": "y"}),
+        ('velocity="2"', 'velocity="0"', UrdfFailure.WRONG_LIMITS, {"joint": "s3", "speed": 0.0, "unit": "rad"}),
+        ('xyz="0 0 0.315"', 'xyz="0 0.1 0.315"', UrdfFailure.WRONG_PLACE, {"joint": "s2"}),
+        ('<cylinder radius="0.055" length="0.36"/>', '<box size="1 1 1"/>', UrdfFailure.NO_COLLISION_RADIUS, {"link": "link_e2"}),
     ],
 )
-def test_a_bad_urdf_is_told(tmp_path, old, new, words):
+def test_a_bad_urdf_is_told(tmp_path, old, new, code, values):
     bad = tmp_path / "bad.urdf"
     bad.write_text(URDF.read_text().replace(old, new))
-    with pytest.raises(TtError, match=words):
+    with pytest.raises(UrdfError) as told:
         ArmModel.pa10(urdf=str(bad))
+    assert told.value.failure.code is code
+    assert values.items() <= told.value.failure.values.items()
 
 
 def test_a_waiting_posture_beyond_a_limit_is_told():
-    with pytest.raises(TtError, match="waiting angle of joint s1 = 4 is outside"):
+    with pytest.raises(OutOfRange) as told:
         ArmModel.pa10(waiting=(4.0, 0, 0, 0, 0, 0, 0))
+    assert "s1" in told.value.name
+    assert told.value.value == 4.0
+
+
+@pytest.mark.parametrize(
+    ("guard", "limits", "code", "values"),
+    [
+        ({"acceleration": 10.0}, {}, StartupFailure.GUARD_LIMIT, {"joint": "s1", "allowed": 10.0, "used": 20.0, "unit": "rad/s^2"}),
+        ({"margin": 0.03}, {}, StartupFailure.GUARD_LIMIT, {"joint": "s1", "unit": "rad"}),
+        ({}, {"acceleration": 50.0}, StartupFailure.GUARD_LIMIT, {"allowed": 40.0, "used": 50.0}),
+        ({"clearance": 0.02}, {}, StartupFailure.GUARD_CLEARANCE, {"kept": 0.02, "used": 0.01}),
+    ],
+)
+def test_a_guard_that_would_cut_what_swings_use_is_told(guard, limits, code, values):
+    with pytest.raises(StartupError) as told:
+        check_guard(MODEL, SwingLimits(**limits), GuardParams(**guard))
+    assert told.value.failure.code is code
+    assert values.items() <= told.value.failure.values.items()
+
+
+def test_the_guard_lets_swings_pass():
+    check_guard(MODEL, SwingLimits(), GuardParams())
+    check_guard(MODEL, SwingLimits(), GuardParams(acceleration=20.0, margin=0.02, clearance=0.01))

@@ -9,9 +9,12 @@ from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import Reach, adjust, reach
-from tt_arm.swing import AT_REST, PROFILES, Path, SwingLimits, plan
+from tt_arm.swing import AT_REST, LONGEST, PROFILES, SwingFailure, SwingLimits, Task, append_return, plan
+from tt_arm.trajectory.legs import make_leg
+from tt_arm.trajectory.path_check import path_failure
 from tt_arm.trajectory.torque import torque_shares
-from tt_core.errors import TtError
+from tt_core.errors import BadChoice, BadShape
+from tt_core.failures import Failure
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
@@ -85,14 +88,20 @@ def test_every_profile_is_bent_on_the_way_without_a_jump(when, profile):
 def test_a_path_beyond_a_limit_is_told():
     """The last check sees the whole path: a path made with more than is allowed does not pass it."""
     target = reach(MODEL, printed(100.5)[3], MODEL.waiting)
-    for name, share in (("speed_share", 0.7), ("acceleration", 15.0), ("jerk", 2000.0)):
-        path = Path(MODEL, SwingLimits())
-        path.leg(0.4, MODEL.waiting.copy(), np.zeros(7), np.zeros(7), target.q, target.qdot)
-        assert path.home(target.q, target.qdot, np.zeros(7), 1.0)
-        assert path.hits() is None
-        stricter = Path(MODEL, SwingLimits(**{name: share}))
-        stricter.join(path)
-        assert f"of its {name.partition('_')[0]} limit on the way" in stricter.hits()
+    for name, value, code in (
+        ("speed_share", 0.7, SwingFailure.SPEED_LIMIT),
+        ("acceleration", 15.0, SwingFailure.ACCELERATION_LIMIT),
+        ("jerk", 2000.0, SwingFailure.JERK_LIMIT),
+    ):
+        limits, waiting, rest = SwingLimits(), MODEL.waiting.copy(), np.zeros(7)
+        task = Task.of(MODEL, limits)
+        path = task.new_path()
+        path.leg(0.4, make_leg(waiting, rest, rest, target.q, target.qdot))
+        assert append_return(path, task, make_leg(target.q, target.qdot, rest, waiting, rest), 1.0)
+        assert path_failure(path, MODEL, limits) is None
+        failure = path_failure(path, MODEL, SwingLimits(**{name: value}))
+        assert failure.code is code
+        assert failure.values["share"] > 1.0
 
 
 def test_an_arm_too_slow_to_return_stops_where_it_is():
@@ -105,14 +114,15 @@ def test_an_arm_too_slow_to_return_stops_where_it_is():
     assert q == pytest.approx(start.q, abs=1e-3)
     still = Reach(MODEL.waiting - 0.5, np.zeros(7), 0.0, 0.0, None)
     there = Joints(100.0, still.q, np.zeros(7))
-    assert plan(MODEL, there, still, 101.0, limits).reason == "the way back to waiting takes more than 10 s"
+    assert plan(MODEL, there, still, 101.0, limits).reason == Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST)
 
 
 @pytest.mark.parametrize("racket", printed(100.0), ids=NAMES)
 def test_the_earliest_strike_is_the_bound(racket):
     target = reach(MODEL, racket, MODEL.waiting)
     late = plan(MODEL, START, target, 100.01)
-    assert "too soon" in late.reason
+    assert late.reason.code is SwingFailure.TOO_SOON
+    assert late.reason.values["missing"] == pytest.approx(late.earliest - 100.01)
     assert late.sample(100.3)[0] == pytest.approx(MODEL.waiting)  # and the arm stays
     at = plan(MODEL, START, target, late.earliest + 1e-9)
     assert at.reason is None
@@ -125,7 +135,9 @@ def test_torque_is_a_limit_as_well():
     made = plan(MODEL, START, target, 100.5)
     shares = torque_shares(MODEL, made.end_time - 100.0, 1e-2, made.knots, made.coefficients)
     assert 0.3 < shares.max() < 0.9  # the reference says 0.76 at most at 20 rad/s^2
-    assert "of its rated torque on the way" in plan(MODEL, START, target, 100.5, SwingLimits(torque_share=0.2)).reason
+    refused = plan(MODEL, START, target, 100.5, SwingLimits(torque_share=0.2)).reason
+    assert refused.code is SwingFailure.TORQUE_LIMIT
+    assert refused.values["share"] > 0.2
 
 
 def test_a_far_strike_is_waited_for():
@@ -170,7 +182,9 @@ def test_the_table_of_a_swing_holds_the_strike():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(TtError, match="profile = 'cubic'"):
+    with pytest.raises(BadChoice) as told:
         SwingLimits(profile="cubic")
-    with pytest.raises(TtError, match="q has shape"):
+    assert (told.value.name, told.value.value) == ("profile", "cubic")
+    with pytest.raises(BadShape) as told:
         Joints(0.0, np.zeros(6), np.zeros(7))
+    assert (told.value.name, told.value.shape) == ("q", (6,))

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tt_arm.dynamics import joint_torques
 from tt_arm.model import ArmModel
-from tt_arm.trajectory.torque import torques
 
 MODELS = ArmModel.pa10(), ArmModel.pa10(base=(-0.5, 0.2, 0.1, 0.7), mount=(0.3, 1.0))
 numbers = arrays(float, 7, elements=st.floats(-3.0, 3.0))
@@ -17,6 +17,6 @@ numbers = arrays(float, 7, elements=st.floats(-3.0, 3.0))
 @given(numbers, numbers, numbers)
 def test_torques_are_those_of_pinocchio(model, q, qdot, qddot):
     found = np.empty(7)
-    torques(q, qdot, qddot, model.bodies, found, np.empty((7, 6)))
+    joint_torques(q, qdot, qddot, model.links, found, np.empty((7, 6)))
     wanted = pin.rnea(model.pinocchio, model.pinocchio.createData(), q, qdot, qddot)
     assert found == pytest.approx(wanted, abs=1e-10)  # N m, of some 100

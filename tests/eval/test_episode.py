@@ -1,6 +1,7 @@
 """A ball played without ROS: returned, the same again by its seed, and every failure with its reason."""
 
 import pytest
+from tt_arm.swing import SwingFailure
 from tt_core.errors import BadChoice, OutOfRange
 from tt_core.states import ReturnGoal
 from tt_eval.episode import landing_error, play, spin_error
@@ -34,8 +35,6 @@ def test_a_goal_is_asked_for():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"robot": Robot(latency=1.5)}, "arm: 0: the strike is"),
-        ({"robot": Robot(latency=0.4)}, "arm: 0: the strike is"),
         ({"robot": Robot(intercept=InterceptParams(z_low=2.0, z_high=3.0))}, "no stroke: the ball does not come within reach"),
         ({"robot": Robot(intercept=InterceptParams(racket_speed=0.1))}, "no stroke: racket speed"),
     ],
@@ -44,6 +43,14 @@ def test_a_failure_has_its_reason(changes, reason):
     episode = play(Scenario("top", 4, **changes), seed=0)
     assert episode.reason.startswith(reason)
     assert episode.outcome.result is not Result.RETURNED
+
+
+@pytest.mark.parametrize("latency", [0.4, 1.5])
+def test_an_arm_that_is_told_too_late_has_its_reason(latency):
+    episode = play(Scenario("top", 4, robot=Robot(latency=latency)), seed=0)
+    assert episode.choice.reasons[0].failure.code is SwingFailure.TOO_SOON
+    assert episode.miss == "too late"
+    assert episode.outcome.result != "returned"
 
 
 def test_a_scenario_that_cannot_be_is_refused():

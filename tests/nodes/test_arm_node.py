@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
+from tt_arm.reach import ReachFailure
 from tt_arm.safety.stops import ArmStop
 from tt_core.states import RacketState
 
@@ -147,7 +148,7 @@ def test_a_stroke_is_made_in_time_once_enabled(start, probe, until, bench):
     assert bench.joints.q == pytest.approx(MODEL.waiting, abs=0.02)  # and back again
     told = {message: values for _, name, message, values in bench.told if name == "arm"}
     assert told["swing"]["chosen"] == "1"
-    assert "out of reach" in told["swing"]["reasons"]
+    assert told["swing"]["code"] == ReachFailure.OUT_OF_REACH.name  # of the first candidate
     assert 0.0 < float(told["first command"]["latency_ms"]) < 1e3 * LEAD
     assert bench.swings[-1].joint_names == list(MODEL.names)
 

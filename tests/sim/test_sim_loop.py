@@ -74,7 +74,7 @@ class Heard:
 def run(store, duration, *, rate=0.0, dark=(), **params):
     """The loop for `duration` real seconds."""
     heard, plant = Heard(), Plant(MODEL)
-    loop = SimLoop(SimParams(**params), WorldParams(), plant, Drive(MODEL.names, plant.speed_limits), store, dark, heard)
+    loop = SimLoop(SimParams(**params), WorldParams(), plant, Drive(MODEL.names, plant.limits.speed), store, dark, heard)
     loop.rate, end = rate, time.monotonic() + duration
     loop.run(lambda: time.monotonic() < end)
     return heard

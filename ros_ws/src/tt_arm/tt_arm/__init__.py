@@ -1,1 +1,40 @@
-"""Joint motion of the PA10 that brings the racket to its state (dissertation Section 4.5, Appendix B)."""
+"""Joint motion of an arm that brings its racket to a wanted state (dissertation Section 4.5, Appendix B).
+
+The modules are loaded when one of their names is used, so that who needs the model alone does not load the planner. The function
+`tt_arm.reach.reach` has the name of its module, and is imported from there.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .control import ArmControl, ControlParams, ControlStep
+    from .joints import JointLimits, Joints
+    from .model import ArmModel
+    from .reach import Reach, ReachFailure, ReachParams
+    from .safety.guard import Guard, GuardParams
+    from .safety.stops import ArmStop
+    from .servo import ServoParams
+    from .stroke_selection import SelectionParams, StrokeSelection
+    from .swing import Swing, SwingFailure, SwingLimits, plan
+
+__all__ = [
+    "ArmControl", "ArmModel", "ArmStop", "ControlParams", "ControlStep", "Guard", "GuardParams", "JointLimits", "Joints", "Reach",
+    "ReachFailure", "ReachParams", "SelectionParams", "ServoParams", "StrokeSelection", "Swing", "SwingFailure", "SwingLimits", "plan",
+]  # fmt: skip
+
+_MODULES = {
+    "ArmControl": "control", "ArmModel": "model", "ArmStop": "safety.stops", "ControlParams": "control", "ControlStep": "control",
+    "Guard": "safety.guard", "GuardParams": "safety.guard", "JointLimits": "joints", "Joints": "joints", "Reach": "reach",
+    "ReachFailure": "reach", "ReachParams": "reach", "SelectionParams": "stroke_selection", "ServoParams": "servo",
+    "StrokeSelection": "stroke_selection", "Swing": "swing", "SwingFailure": "swing", "SwingLimits": "swing", "plan": "swing",
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """Load the module that holds an exported name."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)

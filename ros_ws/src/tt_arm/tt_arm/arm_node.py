@@ -1,6 +1,6 @@
-"""Drives the arm: strokes in, joint velocity commands out, one for each joint state.
+"""The node of the arm: it receives strokes and joint states, and answers each joint state with a joint velocity command.
 
-The executor's thread is that of guard and servo: it does nothing that takes more than a millisecond. Strokes are planned in a thread of
+Guard and servo run in the executor's thread, which does nothing that takes more than a millisecond. Strokes are planned in a thread of
 their own. All deadlines run on the monotonic clock.
 """
 
@@ -32,7 +32,7 @@ from tt_core.ros.params import declare
 from tt_core.ros.qos import LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 
-from .control import ArmControl, ControlParams, Step, warm
+from .control import ArmControl, ControlParams, ControlStep, warm
 from .joints import Joints
 from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
@@ -40,18 +40,18 @@ from .safety.guard import GuardParams
 from .safety.joint_states import JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams
-from .startup_check import check_feasible
+from .startup_check import check_feasible, check_guard
 from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
-NICE = -10  # priority: nothing but hardware is more urgent
-WATCH = 0.0025  # s between two looks whether joint states have ceased
-LOOK = 0.25  # s between two looks at who else publishes commands or joint states
+NICE = -10  # priority of the process: only the hardware is more urgent
+WATCH = 0.0025  # s between two checks whether joint states have ceased
+LOOK = 0.25  # s between two checks who else publishes commands or joint states
 TICK = 0.002  # s between the last commands of a node that ends
-LONGEST_END = 1.0  # s, that they may take
+LONGEST_END = 1.0  # s, that these commands may take
 POINTS = 0.02  # s between the points of the published swing
-SWITCH = 5e-4  # s, that the servo waits at most for Python code of the planning thread
-TELL = 0.2  # s between two reports of what stops the arm
+SWITCH = 5e-4  # s, after which the planning thread's Python code yields to the servo
+TELL = 0.2  # s, at least, between two reports of what stops the arm
 LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
@@ -59,17 +59,21 @@ LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joi
 class ArmParams:
     """The arm, and what it may do."""
 
-    base: tuple[float, ...] = param(BASE, "m, rad", "x, y, z and yaw of base_link in `table`")
+    base: tuple[float, ...] = param(BASE, "m, rad", "x, y, z and yaw of the arm's base_link in `table`")
     mount: tuple[float, ...] = param(
         MOUNT, "m, rad", "distance of the racket beyond the flange, and its angle about the y axis of the flange"
     )
     waiting: tuple[float, ...] = param(WAITING, "rad", "joint angles at which the arm waits for a ball")
     urdf: str = param("", "", "path of the description of the arm; empty: that of the PA10 in this package")
-    joints: tuple[str, ...] = param((), "", "names of the joints in joint states, in the order of the commands; empty: those of the URDF")
-    rtf: float = param(1.0, "", "simulated seconds in a second of the clock on the wall", low=0.01, high=10.0)
-    speed_scale: float = param(1.0, "", "share of the speed limits that the arm may use; acts at once", low=0.01, high=1.0, dynamic=True)
-    clock_offset: float = param(0.002, "s", "offset of another clock above which strokes are refused", low=1e-4, high=10.0)
-    enabled: bool = param(False, "", "whether the arm may move from the start, without a call of /arm/enable")
+    joints: tuple[str, ...] = param(
+        (), "", "names of the joints in joint states, in the order of the commands; empty: the names of the URDF"
+    )
+    rtf: float = param(1.0, "", "simulated seconds that pass in one second", low=0.01, high=10.0)
+    speed_scale: float = param(
+        1.0, "", "share of the speed limits that the arm may use; acts while the arm moves", low=0.01, high=1.0, dynamic=True
+    )
+    clock_offset: float = param(0.002, "s", "offset of another node's clock above which strokes are refused", low=1e-4, high=10.0)
+    enabled: bool = param(False, "", "whether the arm may move from the start, without a call of arm/enable")
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -80,9 +84,11 @@ class ArmNode(Node):
     """Subscribe to joint states and strokes; publish velocity commands and the planned swing."""
 
     def __init__(self) -> None:
+        """Declare the parameters, check the arm, load the kernels, and connect."""
         super().__init__("arm")
         params = declare(self, ArmParams, changed=self.on_params)
         model = ArmModel.pa10(params.base, params.mount, params.waiting, params.urdf or str(URDF))
+        guard = declare(self, GuardParams, "guard.")
         self.joints = params.joints or model.names
         self.rtf = params.rtf
         self.control = ArmControl(
@@ -90,8 +96,8 @@ class ArmNode(Node):
             declare(self, SwingLimits, "swing."),
             declare(self, ReachParams, "reach."),
             declare(self, ServoParams, "servo."),
-            declare(self, GuardParams, "guard."),
-            declare(self, SelectionParams, "choice."),
+            guard,
+            declare(self, SelectionParams, "selection."),
             declare(self, ControlParams),
             self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )
@@ -101,6 +107,7 @@ class ArmNode(Node):
         self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
         check_feasible(model, self.control.limits)
+        check_guard(model, self.control.limits, guard)
         sys.setswitchinterval(SWITCH)
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
@@ -131,7 +138,7 @@ class ArmNode(Node):
         threading.Thread(target=self.plan, name="planning", daemon=True).start()
 
     def _in_simulated_time(self, params: JointStateParams) -> JointStateParams:
-        """What simulated time allows that runs faster than the clock on the wall: delays last as much longer in it."""
+        """Return the deadlines in simulated seconds: where these pass faster, a delay of this machine lasts more of them."""
         if self.rtf <= 1.0:
             return params
         return replace(params, silence=params.silence * self.rtf, late=params.late * self.rtf, ahead=params.ahead * self.rtf)
@@ -141,10 +148,11 @@ class ArmNode(Node):
         self.control.speed_scale = params.speed_scale
 
     def on_joints(self, message: JointState) -> None:
+        """Answer a joint state with a command."""
         now, clock = self.monotonic(), self.now()
         try:
             state = joints_from_message(message, self.joints)
-            if state is None:  # other joints on our topic
+            if state is None:  # it is of other joints
                 return
             stamp, q, qdot = state
             joints = Joints(stamp, q, np.zeros(len(q)) if qdot is None else qdot)
@@ -152,7 +160,7 @@ class ArmNode(Node):
         except TtError as error:
             self.on_refused_state(error)
             return
-        except Exception as error:  # whatever it is, the arm must not move on
+        except Exception as error:  # whatever it is, the arm must stop
             self.commands.publish(Float64MultiArray(data=self.control.fail(error, now).tolist()))
             self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
             self.tell(self.control.guard.latched)
@@ -160,7 +168,7 @@ class ArmNode(Node):
         self.send(step)
 
     def on_refused_state(self, error: TtError) -> None:
-        """Brake: a joint state that cannot be read tells nothing of where the arm is."""
+        """Brake, because a joint state that cannot be read does not tell where the arm is."""
         self.send(self.control.refuse(self.monotonic(), Failure(ArmStop.UNREADABLE, error=error)))
 
     def on_watch(self) -> None:
@@ -169,7 +177,8 @@ class ArmNode(Node):
         if step is not None:
             self.send(step)
 
-    def send(self, step: Step) -> None:
+    def send(self, step: ControlStep) -> None:
+        """Publish a command, and what is to be reported with it."""
         self.commands.publish(Float64MultiArray(data=step.command.tolist()))
         if step.begun is not None:
             self.status.tell(Event.FIRST_COMMAND, stamp=self.frame_time)
@@ -179,12 +188,12 @@ class ArmNode(Node):
         self.tell(step.reason)
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
-        """Leave them to the planning thread; older ones that it has not taken yet are replaced."""
+        """Pass strokes to the planning thread. Older ones that it has not taken yet are replaced."""
         self.strokes = message
         self.arrival.set()
 
     def plan(self) -> None:
-        """Take the newest strokes, again and again; the planning thread."""
+        """Take the newest strokes whenever some come, in the planning thread."""
         while True:
             self.arrival.wait()
             self.arrival.clear()
@@ -198,37 +207,39 @@ class ArmNode(Node):
                 self.take(message)
             except TtError as error:
                 self.refused_strokes(error)
-            except Exception as error:  # a fault in planning is no reason to stop the servo
+            except Exception as error:  # the servo goes on without a new plan
                 if not self.ending:
                     self.get_logger().error(f"planning failed: {type(error).__name__}: {error}", throttle_duration_sec=1.0)
                     self.status.tell(f"planning failed: {type(error).__name__}: {error}", warn=True)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
+        """Plan for strokes, and publish the swing or why there is none."""
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, chosen=-1, reasons=failure)
+            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
             return
-        choice = self.control.take(strokes_from_message(message))
-        reasons = "; ".join(choice.reasons)
-        if choice.swing is None or choice.reach is None:
-            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, chosen=-1, reasons=reasons)
+        selected = self.control.take(strokes_from_message(message))
+        first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
+        if selected.swing is None or selected.reach is None:
+            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
             return
         self.frame_time = stamp
         self.status.tell(
             Event.SWING,
             stamp=stamp,
-            chosen=choice.index,
-            strike=f"{choice.swing.strike_time:.6f}",
-            earliest=f"{choice.swing.earliest:.6f}",
-            ratio=f"{choice.reach.ratio:.3f}",
-            turning=f"{choice.reach.turning:.2f}",
+            reason=first,
+            chosen=selected.index,
+            strike=f"{selected.swing.strike_time:.6f}",
+            earliest=f"{selected.swing.earliest:.6f}",
+            ratio=f"{selected.reach.ratio:.3f}",
+            turning=f"{selected.reach.turning:.2f}",
             reasons=reasons,
         )
-        self.swings.publish(swing_to_message(self.joints, choice.swing.start.time, *choice.swing.table(POINTS)))
+        self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
 
     def wrong_clock(self, stamp: float) -> Failure | None:
-        """Why strokes that rest on a frame of `stamp` (s) would be made at a wrong time, if so."""
+        """Return why strokes that rest on a frame of `stamp` (s) would be made at a wrong time, or None."""
         bound, worst = self.control.states.params.ahead, self.worst_clock
         if stamp > self.now() + bound:
             return Failure(ArmStop.STROKES_AHEAD, age=stamp - self.now(), bound=bound)
@@ -237,17 +248,19 @@ class ArmNode(Node):
         return None
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Switch motion on or off, the service arm/enable."""
         self.control.enable(request.data)
         response.success, response.message = True, "enabled" if request.data else "disabled"
         return response
 
     def on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Stop the arm until it is enabled again, the service arm/stop."""
         self.control.enable(False, Failure(ArmStop.STOPPED))
         response.success, response.message = True, str(Failure(ArmStop.STOPPED))
         return response
 
     def on_look(self) -> None:
-        """Stop the arm while anybody else publishes commands or joint states; see whose clock is off most."""
+        """Stop the arm while another node publishes commands or joint states; find the clock that is off most."""
         for topic in (self.commands.topic_name, self.states.topic):
             publishers = self.get_publishers_info_by_topic(topic)
             failure = None
@@ -258,22 +271,22 @@ class ArmNode(Node):
         self.worst_clock = self.clocks.worst()
 
     def now(self) -> float:
-        """s, by the node's clock."""
+        """Return the time (s) by the node's clock."""
         return self.get_clock().now().nanoseconds * 1e-9
 
     def monotonic(self) -> float:
-        """s, by the monotonic clock, in simulated seconds where time is simulated."""
+        """Return the time (s) by the monotonic clock, in simulated seconds where time is simulated."""
         return time.monotonic() * self.rtf
 
     def tell(self, reason: Failure | None) -> None:
-        """Report what stops the arm, or makes it do less than its swing asks, when that changes; at most each TELL s."""
+        """Report what stops the arm, or makes it do less than its swing asks, when that changes, at most each TELL (s)."""
         kind, now = "" if reason is None else reason.code.name, time.monotonic()
         if kind != self.told and now > self.told_at + TELL:
             self.told, self.told_at = kind, now
-            self.status.tell(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, code=kind or "NONE")
+            self.status.tell(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
 
     def close(self) -> None:
-        """Bring the arm to rest before the context ends, for whatever reason it does."""
+        """Bring the arm to rest before the context ends."""
         failure, end = Failure(ArmStop.ENDED), time.monotonic() + LONGEST_END
         self.control.enable(False, failure)
         while time.monotonic() < end:
@@ -290,6 +303,7 @@ class ArmNode(Node):
 
 
 def main() -> None:
+    """Run the node."""
     run(ArmNode, nice=NICE)
 
 

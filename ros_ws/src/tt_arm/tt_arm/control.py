@@ -1,4 +1,4 @@
-"""The arm from strokes and joint states to commands, without ROS: it holds the swing, and the guard has the last word.
+"""The arm from strokes and joint states to commands, without ROS. It keeps the swing; the guard checks each command last.
 
 Two threads may share one `ArmControl`: `step`, `refuse`, `watch` and `enable` belong to the thread of the servo, `take`, which plans for
 milliseconds, to another one. A swing that was planned while the arm was stopped is dropped.
@@ -24,7 +24,7 @@ from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
-from .stroke_selection import Choice, SelectionParams, apart, choose
+from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_stroke, stroke_distance
 from .swing import Swing, SwingLimits, plan
 
 AT_REST = 0.02  # rad/s, below which a stop is over
@@ -36,25 +36,45 @@ class ControlParams:
     """When strokes are taken, and when a path is given up."""
 
     ahead: float = param(
-        0.010, "s", "a new swing begins this long after the joint state it is planned on, room for the planning itself", low=0.0, high=0.5
+        0.010, "s", "time from a joint state to the begin of the swing planned on it, room for the planning itself", low=0.0, high=0.5
     )
-    replan: bool = param(True, "", "newer strokes for the ball on its way may change the swing")
-    replan_distance: float = param(0.002, "m", "what they must differ by, see `apart`", low=0.0, high=1.0)
+    replan: bool = param(True, "", "whether newer strokes for the ball on its way may change the swing")
+    replan_distance: float = param(
+        0.002, "m", "distance of a newer stroke from the present one, below which the swing stays; see `stroke_distance`", low=0.0, high=1.0
+    )
     same_ball: float = param(
-        0.2, "s", "strikes closer than this are for one ball; at 94 balls a minute those of two are 0.3 s apart", low=0.0, high=10.0
+        0.2,
+        "s",
+        "time between two strikes below which they are for one ball; at 94 balls a minute those of two balls are 0.3 s apart",
+        low=0.0,
+        high=10.0,
     )
     hurry: float = param(
-        1.0, "s", "from the strike for one ball to that for the next, below which the arm hurries; see `choose`", low=0.0, high=1000.0
+        1.0,
+        "s",
+        "time between the strikes for two balls below which the arm hurries: it selects the stroke after which it waits again soonest",
+        low=0.0,
+        high=1000.0,
     )
-    lost: float = param(0.15, "rad", "off the path, at which the swing is given up", low=0.01, high=3.0)
-    rejoin: float = param(0.03, "rad", "off the path, above which the swing is given up after a gap in the joint states", low=0.0, high=3.0)
-    horizon: float = param(3.0, "s", "a strike further ahead than this is refused", low=0.1, high=1000.0)
-    patience: float = param(0.1, "s", "for which commands are cut without a pause before their path is given up", low=0.0, high=10.0)
+    lost: float = param(0.15, "rad", "distance of any joint from the path at which the swing is given up", low=0.01, high=3.0)
+    rejoin: float = param(
+        0.03,
+        "rad",
+        "distance of any joint from the path above which the swing is given up after a gap in the joint states",
+        low=0.0,
+        high=3.0,
+    )
+    horizon: float = param(3.0, "s", "time to the strike above which a stroke is refused", low=0.1, high=1000.0)
+    patience: float = param(0.1, "s", "time for which commands are cut without a pause before their path is given up", low=0.0, high=10.0)
     failures: int = param(
-        3, "", "paths given up within `failure_window` because the arm did not follow, after which it rests for `pause`", low=1, high=100
+        3,
+        "",
+        "paths that are given up within `failure_window` because the arm did not follow, after which it rests for `pause`",
+        low=1,
+        high=100,
     )
-    failure_window: float = param(1.0, "s", "", low=0.01, high=100.0)
-    pause: float = param(1.0, "s", "after which it tries again, slowly as after enabling", low=0.0, high=100.0)
+    failure_window: float = param(1.0, "s", "time within which paths that are given up are counted, see `failures`", low=0.01, high=100.0)
+    pause: float = param(1.0, "s", "rest after `failures`, after which the arm tries again, slowly as after enabling", low=0.0, high=100.0)
     first_speed: float = param(0.15, "", "share of the speed limits for the first motion after enabling", low=0.01, high=1.0)
 
     def __post_init__(self) -> None:
@@ -63,13 +83,13 @@ class ControlParams:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """What one joint state leads to.
+class ControlStep:
+    """What follows from one joint state.
 
     Attributes:
         command: (7,) rad/s.
         reason: Why it is not what the swing wants, or None.
-        begun: The swing that begins with it, or None.
+        begun: The swing that begins with this command, or None.
         interrupted: Whether a stroke was given up because of a gap; its strokes may be taken again.
     """
 
@@ -80,12 +100,16 @@ class Step:
 
 
 class ArmControl:
-    """Call `step` with each joint state and `take` with each set of strokes; both only use the times they are given.
+    """The arm's controller. Call `step` with each joint state and `take` with each set of strokes; both only use the times they are given.
 
     Attributes:
         enabled: Whether motion is switched on.
         joints: The last joint state that was accepted, None before the first and after silence.
         limits: What swings may use, at full speed.
+        swing: The swing on its way, or None.
+        coming: The swing that begins next, or None.
+        stroke: The stroke on its way and its posture, or None.
+        held: Why the arm must not move for now, by the name of who calls `hold`.
     """
 
     def __init__(
@@ -95,12 +119,24 @@ class ArmControl:
         reaching: ReachParams | None = None,
         servo: ServoParams | None = None,
         guard: GuardParams | None = None,
-        choosing: SelectionParams | None = None,
+        selection: SelectionParams | None = None,
         params: ControlParams | None = None,
         states: JointStateParams | None = None,
     ) -> None:
+        """Begin at rest, not enabled.
+
+        Args:
+            model: The arm.
+            limits: What swings may use.
+            reaching: What the posture search weighs.
+            servo: Feed-forward and feedback.
+            guard: What the guard lets through.
+            selection: How many candidates are tried.
+            params: When strokes are taken, and when a path is given up.
+            states: Which joint states are used.
+        """
         self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
-        self.servo, self.choosing, self.params = servo or ServoParams(), choosing or SelectionParams(), params or ControlParams()
+        self.servo, self.selection, self.params = servo or ServoParams(), selection or SelectionParams(), params or ControlParams()
         self.guard = Guard(model, guard, self.limits)
         self.states = JointStateCheck(model, states)
         self.enabled, self._off = False, Failure(ArmStop.NOT_ENABLED)
@@ -108,7 +144,7 @@ class ArmControl:
         self.swing: Swing | None = None
         self.coming: Swing | None = None
         self.stroke: tuple[RacketState, Reach] | None = None
-        self.held: dict[str, Failure] = {}  # why the arm must not move for now, by who says so
+        self.held: dict[str, Failure] = {}
         self._refusal: tuple[Failure | None, float] = None, -np.inf  # why a joint state was refused last, and when (s, monotonic)
         self._scale = 1.0
         self._arriving = False  # until the waiting posture is reached for the first time
@@ -121,7 +157,12 @@ class ArmControl:
         self._lock, self._stops = threading.Lock(), 0  # how often the swing was given up
 
     def enable(self, on: bool, reason: Failure | None = None) -> None:
-        """Switch motion on, forgetting what latched, or off by a controlled stop for that reason."""
+        """Switch motion on or off.
+
+        Args:
+            on: True resets what has latched. False begins a controlled stop.
+            reason: Why the arm is switched off.
+        """
         self.enabled, self._off = on, reason or Failure(ArmStop.NOT_ENABLED)
         self._forget()
         if on:
@@ -155,7 +196,7 @@ class ArmControl:
         held = tuple(self.held.values())  # a copy: two threads look
         return (held[0] if held else None) if self.enabled else self._off
 
-    def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> Step:
+    def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> ControlStep:
         """Return the command for the time of `joints`: along the swing, else towards waiting, else that of a stop.
 
         Args:
@@ -179,23 +220,23 @@ class ArmControl:
         if stopped is not None:
             self._forget()
             self._arriving = self._arriving or damage is not None
-            return Step(self.guard.stop(now, joints), stopped)
+            return ControlStep(self.guard.stop(now, joints), stopped)
         interrupted = (self.states.gap and self._resume(joints)) or interrupted
         if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
-            return Step(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
+            return ControlStep(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
         self._rest = None
         self.guard.speed_scale = self._speed
         if (np.abs(self.guard.last) > self._speed * self.model.speed_limits + 1e-9).any():
-            return Step(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
+            return ControlStep(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
         age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
         return self._follow(joints, now, age, interrupted)
 
-    def refuse(self, now: float, failure: Failure) -> Step:
+    def refuse(self, now: float, failure: Failure) -> ControlStep:
         """Return the next command of a stop, for a joint state that cannot be used. The swing may go on with the next good one."""
         self._refusal = failure, now
-        return Step(self.guard.stop(now), self.stopped_by or failure)
+        return ControlStep(self.guard.stop(now), self.stopped_by or failure)
 
-    def watch(self, now: float) -> Step | None:
+    def watch(self, now: float) -> ControlStep | None:
         """Return the next command of a stop when at `now` (s, monotonic) joint states have ceased; None while all is well."""
         silence = self.states.silence(now) if self.states.last is not None else None
         if silence is None:
@@ -203,10 +244,10 @@ class ArmControl:
         self.joints = None
         failure, at = self._refusal
         reason = failure if now - at < self.states.deadline else silence  # states that come but cannot be used tell more than silence
-        return Step(self.guard.stop(now), self.stopped_by or reason)
+        return ControlStep(self.guard.stop(now), self.stopped_by or reason)
 
-    def take(self, rackets: Sequence[RacketState]) -> Choice:
-        """Plan for the candidate strokes, in order of preference; the swing begins by itself in a later `step`."""
+    def take(self, rackets: Sequence[RacketState]) -> StrokeSelection:
+        """Plan for the candidate strokes, in order of preference. The swing begins by itself in a later `step`."""
         with self._lock:
             stops, joints, swing, coming, begin = self._stops, self.joints, self.swing, self.coming, self._begin
             stroke = self.stroke
@@ -223,24 +264,33 @@ class ArmControl:
         if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
-            if min(apart(current[0], r) for r in rackets) < self.params.replan_distance:
+            if min(stroke_distance(current[0], r) for r in rackets) < self.params.replan_distance:
                 return _refused(Failure(ArmStop.SWING_WILL_DO))
         elif current is not None:  # another ball: what is on its way comes first
             begin, current = current[0].time, None
         time = max(joints.time + self.params.ahead, begin)
         path = coming if coming is not None and coming.start.time <= time else swing
         hurried = self._hurries(rackets)
-        choice = choose(self.model, rackets, path.joints(time), self._limits, self.reaching, self.choosing, current, hurried)
-        if choice.swing is None or choice.racket is None or choice.reach is None:
-            return choice
+        start = path.joints(time)
+        selected = select_stroke(self.model, rackets, start, self._limits, self.reaching, self.selection, current, hurried)
+        if selected.swing is None or selected.racket is None or selected.reach is None:
+            return selected
         with self._lock:
             if stops != self._stops:
                 return _refused(Failure(ArmStop.STOPPED_MEANWHILE))
-            self.coming, self.stroke, self._begin = choice.swing, (choice.racket, choice.reach), begin
-        return choice
+            self.coming, self.stroke, self._begin = selected.swing, (selected.racket, selected.reach), begin
+        return selected
 
     def fail(self, error: Exception, now: float) -> Array:
-        """Latch for an error of the program itself; the next command (7,) rad/s of a stop, or zero if not even that can be computed."""
+        """Latch for an error of the program itself.
+
+        Args:
+            error: What was raised.
+            now: s, monotonic.
+
+        Returns:
+            The next command (7,) rad/s of a stop, or zero if not even that can be computed.
+        """
         failure = Failure(ArmStop.INTERNAL, error=f"{type(error).__name__}: {error}")
         self._forget()
         try:
@@ -251,21 +301,22 @@ class ArmControl:
 
     @property
     def _speed(self) -> float:
-        """Share of the speed limits for now."""
+        """Return the share of the speed limits for now."""
         return self._scale * (self.params.first_speed if self._arriving else 1.0)
 
     @property
     def _limits(self) -> SwingLimits:
+        """Return what swings may use for now."""
         return self.limits if self._speed == 1.0 else replace(self.limits, speed_share=max(0.01, self._speed * self.limits.speed_share))
 
     def _arrived(self, joints: Joints) -> bool:
-        """Whether the arm is at its waiting posture, which ends the first motion after enabling."""
+        """Return whether the arm is at its waiting posture, which ends the first motion after enabling."""
         if np.abs(joints.q - self.model.waiting).max() < AT_WAITING and np.abs(joints.qdot).max() < AT_REST:
             self._arriving = False
         return not self._arriving
 
     def _resume(self, joints: Joints) -> bool:
-        """Go on after a gap from what is measured; whether a stroke was given up."""
+        """Go on after a gap from what is measured; return whether a stroke was given up."""
         self.guard.begin_from(joints.qdot)
         self._cut_since = None
         if self.swing is None or self._off_path(self.swing, joints) <= self.params.rejoin:
@@ -274,8 +325,8 @@ class ArmControl:
         self._give_up()
         return interrupted
 
-    def _follow(self, joints: Joints, now: float, age: float, interrupted: bool) -> Step:
-        """The command along the swing, which begins, ends and is planned anew here."""
+    def _follow(self, joints: Joints, now: float, age: float, interrupted: bool) -> ControlStep:
+        """Return the command along the swing. A swing begins, ends and is planned anew here."""
         if self._arriving and self._arrived(joints):
             self._give_up()
         begun = None
@@ -288,7 +339,7 @@ class ArmControl:
             try:
                 self.swing = plan(self.model, joints, None, joints.time, self._limits)
             except TtError as error:
-                return Step(self.guard.stop(now, joints), self._does_not_follow(now, error))
+                return ControlStep(self.guard.stop(now, joints), self._does_not_follow(now, error))
         wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
         command, cut = self.guard.check(joints, wanted, now, planned, age)
@@ -297,16 +348,16 @@ class ArmControl:
         elif self._is_spoilt(cut, joints.time):
             interrupted = interrupted or self.stroke is not None
             cut = self._does_not_follow(now, cut)
-        return Step(command, cut, begun, interrupted)
+        return ControlStep(command, cut, begun, interrupted)
 
     def _is_spoilt(self, cut: Failure, time: float) -> bool:
-        """Whether the path cannot go on: the guard stopped it, or cuts it for longer than `patience`."""
+        """Return whether the path cannot go on: the guard stopped it, or has cut it for longer than `patience`."""
         self._cut_since = time if self._cut_since is None else self._cut_since
         limits = ArmStop.SPEED_CUT, ArmStop.POSITION_CUT, ArmStop.ACCELERATION_CUT
         return cut.code not in limits or time - self._cut_since > self.params.patience
 
     def _does_not_follow(self, now: float, last: object) -> Failure:
-        """Give up the path; when that happens again and again the arm rests for a while, and tries slowly."""
+        """Give up the path. After `failures` of these within `failure_window` the arm rests for `pause`, and then moves slowly."""
         self._give_up()
         self._cut_since = None
         self._given_up.append(now)
@@ -319,38 +370,40 @@ class ArmControl:
         return self._rest
 
     def _paused(self, now: float) -> Failure | None:
-        """Why the arm rests for a while."""
+        """Return why the arm rests for a while, or None."""
         if self._pause is not None and now >= self._pause[1]:
             self._pause = None
         return None if self._pause is None else self._pause[0]
 
     def _off_path(self, swing: Swing, joints: Joints) -> float:
-        """rad, the largest distance of a joint from where the swing has it."""
+        """Return the largest distance (rad) of a joint from where the swing has it."""
         return float(np.abs(swing.sample(joints.time)[0] - joints.q).max())
 
     def _hurries(self, rackets: Sequence[RacketState]) -> bool:
-        """Whether these are for a ball that comes soon after another one, be that hit or not."""
+        """Return whether these are for a ball that comes soon after another one, whether that was hit or not."""
         ball = min((racket.time for racket in rackets), default=-np.inf)
         if ball > self._ball + self.params.same_ball:
             self._before, self._ball = self._ball, ball
         return self._ball < self._before + self.params.hurry
 
     def _give_up(self) -> None:
+        """Drop all swings and the stroke, and make a planning thread drop what it has planned meanwhile."""
         with self._lock:
             self.swing = self.coming = self.stroke = None
             self._begin, self._stops = -np.inf, self._stops + 1
 
     def _forget(self) -> None:
+        """Drop all swings, and when balls came."""
         self._give_up()
         self._before = self._ball = -np.inf
 
 
-def _refused(failure: Failure) -> Choice:
-    return Choice(None, None, None, None, (str(failure),), failure)
+def _refused(failure: Failure) -> StrokeSelection:
+    return StrokeSelection.none((Refusal(failure),), failure)
 
 
 def warm(model: ArmModel) -> None:
-    """Compile every kernel of the arm, or load it from the cache."""
+    """Compile every kernel of the arm, or load it from the cache, so that none is compiled while a ball flies."""
     control = ArmControl(model)
     control.enable(True)
     joints = Joints(0.0, model.waiting, np.zeros(7))
@@ -359,7 +412,7 @@ def warm(model: ArmModel) -> None:
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
     control.step(Joints(0.002, model.waiting, np.zeros(7)))
-    for time in (0.004, 0.006):  # what moves only
+    for time in (0.004, 0.006):  # kernels that only a moving arm needs
         control.guard.check(Joints(time, joints.q, joints.qdot), np.full(7, 0.01), time)
     for method in ("near", "liu"):
         reach(model, racket, model.waiting, method=method)

@@ -1,4 +1,4 @@
-"""Lets the arm move: calls arm/enable once, when the service is there, and ends."""
+"""A program that lets the arm move: it calls arm/enable once, when the service is there, and ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ANSWER = 10.0  # s for its answer
 
 
 def main() -> int:
-    """Tell what the arm answers; exit code 0 if it is enabled."""
+    """Print what the arm answers; return the exit code, 0 if the arm is enabled."""
     default_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("enable", enable_rosout=False, start_parameter_services=False)

@@ -1,18 +1,31 @@
-"""What a set of joints is: their motion at one instant."""
+"""Joints: their motion at one instant, and their limits."""
 
 from __future__ import annotations
 
+import functools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from tt_core.errors import check_array, check_range
+import numpy.typing as npt
+from tt_core.errors import BadShape, check_array, check_range
 from tt_core.states import Array
+
+ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
+JERK = 4000.0  # rad/s^3 or m/s^3 of each joint; our choice: 5 ms from rest to the full acceleration
+COMMAND_TIMEOUT = 0.1  # s for which the drives hold a command, as in the drives of real arms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
-    """The joints at one instant: time s, q (7,) rad, qdot (7,) rad/s, and qddot (7,) rad/s^2 where it is known."""
+    """The motion of the joints at one instant.
+
+    Attributes:
+        time: s.
+        q: (7,) rad.
+        qdot: (7,) rad/s.
+        qddot: (7,) rad/s^2; zero where it is not known.
+    """
 
     time: float
     q: Array
@@ -20,6 +33,97 @@ class Joints:
     qddot: Array = field(default_factory=lambda: np.zeros(7))
 
     def __post_init__(self) -> None:
+        """Copy the arrays; raise BadShape or NotFinite."""
         object.__setattr__(self, "time", check_range("time", self.time, -math.inf, math.inf))
         for name in ("q", "qdot", "qddot"):
             object.__setattr__(self, name, check_array(name, getattr(self, name), (7,)))
+
+
+JointBounds = npt.NDArray[np.void]  # (n,) of JOINT_BOUNDS, a row for each joint
+JOINT_BOUNDS = np.dtype(
+    [
+        ("low", np.float64),  # rad or m
+        ("high", np.float64),  # rad or m
+        ("speed", np.float64),  # rad/s or m/s, both ways
+        ("acceleration", np.float64),  # rad/s^2 or m/s^2, both ways
+        ("jerk", np.float64),  # rad/s^3 or m/s^3, both ways
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """What each joint may do: the limits of the posture search, of swings, the servo, the guard and the simulated arm.
+
+    The limits of the arm itself are `ArmModel.limits`. Whoever may use less of them takes `reduced`.
+
+    Attributes:
+        names: Of the joints.
+        units: Of each joint's position, "rad" for a revolute and "m" for a linear joint. All other units follow from it.
+        position: (n, 2) lowest and highest position, rad or m.
+        speed: (n,) rad/s or m/s, both ways.
+        acceleration: (n,) rad/s^2 or m/s^2, both ways. A URDF has none, so this one is a parameter.
+        jerk: (n,) rad/s^3 or m/s^3, both ways. A URDF has none, so this one is a parameter.
+        effort: (n,) N m or N, rated, at the joint.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    position: Array
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    effort: Array
+
+    def __post_init__(self) -> None:
+        """Copy the arrays; raise BadShape or NotFinite."""
+        n = len(self.names)
+        if len(self.units) != n:
+            raise BadShape("units", (len(self.units),), (n,))
+        object.__setattr__(self, "position", check_array("position", self.position, (n, 2)))
+        for name in ("speed", "acceleration", "jerk", "effort"):
+            object.__setattr__(self, name, check_array(name, getattr(self, name), (n,)))
+
+    @functools.cached_property
+    def bounds(self) -> JointBounds:
+        """Return the limits in the form that kernels take."""
+        bounds = np.empty(len(self.names), JOINT_BOUNDS)
+        bounds["low"], bounds["high"] = self.position.T
+        bounds["speed"], bounds["acceleration"], bounds["jerk"] = self.speed, self.acceleration, self.jerk
+        return bounds
+
+    def reduced(
+        self,
+        *,
+        speed: float = 1.0,
+        effort: float = 1.0,
+        margin: float = 0.0,
+        acceleration: float | None = None,
+        jerk: float | None = None,
+    ) -> JointLimits:
+        """Return the limits of somebody who may use less. The results are cached.
+
+        Args:
+            speed: Share of the speed limits.
+            effort: Share of the rated effort.
+            margin: Distance kept from both position limits, rad or m.
+            acceleration: Limit of every joint, rad/s^2 or m/s^2; None keeps the present ones.
+            jerk: Limit of every joint, rad/s^3 or m/s^3; None keeps the present ones.
+        """
+        return _reduced(self, speed, effort, margin, acceleration, jerk)
+
+
+@functools.lru_cache(maxsize=128)
+def _reduced(
+    limits: JointLimits, speed: float, effort: float, margin: float, acceleration: float | None, jerk: float | None
+) -> JointLimits:
+    """Return `limits.reduced`; cached, because each plan asks for it."""
+    n = len(limits.names)
+    return replace(
+        limits,
+        position=limits.position + margin * np.array([1.0, -1.0]),
+        speed=speed * limits.speed,
+        acceleration=limits.acceleration if acceleration is None else np.full(n, acceleration),
+        jerk=limits.jerk if jerk is None else np.full(n, jerk),
+        effort=effort * limits.effort,
+    )

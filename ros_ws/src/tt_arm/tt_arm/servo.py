@@ -5,19 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from tt_core.params import check, param
 from tt_core.states import Array
 
 from .swing import Swing
+from .trajectory.profiles import evaluate
 
 
 @dataclass(frozen=True, slots=True)
 class ServoParams:
-    """Feed-forward and feedback."""
+    """Feed-forward and feedback of the servo."""
 
-    gain: float = param(15.0, "1/s", "of the position error; well below 1 / (4 lead), where the loop begins to ring", low=0.0, high=1000.0)
+    gain: float = param(
+        15.0, "1/s", "gain of the position error; well below 1 / (4 lead), where the loop begins to oscillate", low=0.0, high=1000.0
+    )
     lead: float = param(
-        0.006, "s", "the plant's lag (5 ms) and half of a tick of 2 ms, after which a command takes effect", low=0.0, high=0.1
+        0.006,
+        "s",
+        "time by which the path is read ahead: the lag of the arm (5 ms) and half of a tick of 2 ms, after which a command takes effect",
+        low=0.0,
+        high=0.1,
     )
 
     def __post_init__(self) -> None:
@@ -25,8 +33,54 @@ class ServoParams:
         check(self)
 
 
+@njit(cache=True)
+def servo_speed(q_path: float, qdot_ahead: float, q: float, gain: float, speed: float) -> float:
+    """Return the command (rad/s) for one joint: the path's speed ahead plus gain times the position error, within the speed limit.
+
+    Args:
+        q_path: rad, where the path has the joint now.
+        qdot_ahead: rad/s of the path, when the command takes effect.
+        q: rad, as measured.
+        gain: 1/s.
+        speed: rad/s, limit both ways.
+    """
+    return min(speed, max(-speed, qdot_ahead + gain * (q_path - q)))
+
+
+@njit(cache=True)
+def servo_command(since: float, lead: float, gain: float, knots: Array, coefficients: Array, q: Array, speed: Array, out: Array) -> None:
+    """Fill the command of all joints.
+
+    Args:
+        since: s, time since the start of the path.
+        lead: s, by which the path is read ahead.
+        gain: 1/s.
+        knots: (7, n) of the path, see `profiles`.
+        coefficients: (7, n, 6) of the path.
+        q: (7,) rad, as measured.
+        speed: (7,) rad/s, limits both ways.
+        out: (7,) rad/s; filled.
+    """
+    q_path, qdot_ahead, unused, unused_too = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    evaluate(since + lead, knots, coefficients, unused, qdot_ahead, unused_too)
+    evaluate(since, knots, coefficients, q_path, unused, unused_too)
+    for i in range(7):
+        out[i] = servo_speed(q_path[i], qdot_ahead[i], q[i], gain, speed[i])
+
+
 def follow(swing: Swing, time: float, q: Array, speed_limits: Array, params: ServoParams) -> Array:
-    """The command (7,) rad/s at `time` (s) for joints at q (7,) rad: the path's speed `lead` ahead plus gain times the position error."""
-    q_path, _ = swing.sample(time)
-    _, qdot_ahead = swing.sample(time + params.lead)
-    return np.clip(qdot_ahead + params.gain * (q_path - q), -speed_limits, speed_limits)
+    """Compute the command that follows a swing.
+
+    Args:
+        swing: The path.
+        time: s.
+        q: (7,) rad, as measured at `time`.
+        speed_limits: (7,) rad/s, both ways.
+        params: Of the servo.
+
+    Returns:
+        (7,) rad/s.
+    """
+    command, since = np.empty(7), time - swing.start.time
+    servo_command(since, params.lead, params.gain, swing.knots, swing.coefficients, q, speed_limits, command)
+    return command

@@ -1,45 +1,126 @@
-"""Whether an arm with this base, mount and waiting posture can play at all; told at the start, with numbers."""
+"""What is checked at the start: whether the arm can play from its base with its mount, and whether its guard lets its swings pass."""
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 from tt_core.errors import TtError
+from tt_core.failures import Failure
 from tt_core.states import RacketState
 
 from .joints import Joints
 from .model import ArmModel
 from .reach import reach
 from .safety.clearance import OBSTACLES, clearance
+from .safety.guard import GuardParams
 from .swing import SwingLimits, plan
 
-TIME = 1.0  # s, for each stroke, without hurry
-NEEDED = 0.5  # share of the strokes that must be possible; all of them are from the base, mount and posture of `model`
+TIME = 1.0  # s from the start to the strike; enough for every stroke that is within reach
+NEEDED = 0.5  # share of the strokes that must be possible; from the base, mount and posture of `model` all of them are
+
+
+class StartupFailure(Enum):
+    """Why an arm cannot play."""
+
+    WAITING_TOO_NEAR = "the waiting posture {waiting} is {distance:.3f} m from {obstacle}, {bound:g} m wanted"
+    TOO_FEW_STROKES = (
+        "base = ({x:g}, {y:g}, {z:g}) with this mount makes {made} of {tried} strokes, {needed:.0f} needed: {reason}; "
+        "the furthest is {far:.2f} m from the shoulder, the arm is {length:.2f} m long"
+    )
+    GUARD_LIMIT = (
+        "the guard would cut what swings use: for joint {joint} it allows a {quantity} of {allowed:g} {unit}, swings use {used:g} {unit}; "
+        "see the parameters of guard and swing"
+    )
+    GUARD_CLEARANCE = (
+        "the guard would stop what swings use: it keeps {kept:g} m from table, floor and arm, swings come within {used:g} m; "
+        "see guard.clearance and swing.clearance"
+    )
+
+
+class StartupError(TtError):
+    """The arm cannot play, or its limits contradict each other.
+
+    Attributes:
+        failure: The reason.
+    """
+
+    def __init__(self, failure: Failure) -> None:
+        """Keep the reason; its sentence is the text of the error."""
+        super().__init__(str(failure))
+        self.failure = failure
 
 
 def strokes() -> list[RacketState]:
-    """Typical ones over the window in which balls are hit (dissertation Section 4.5.1), with the middle of the printed velocities."""
+    """Return typical strokes over the window in which balls are hit.
+
+    Positions: dissertation Section 4.5.1. Velocity: the middle of the printed ones.
+    """
     velocity = np.array([1.2, 0.0, 1.3])
     places = [(x, y, z) for x in (-0.25, -0.05) for y in (0.45, 0.76, 1.07) for z in (0.2, 0.4)]
     return [RacketState(TIME, np.array(place), velocity, 0.0, 1.2) for place in places]
 
 
 def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
-    """Raises TtError when the waiting posture touches something or fewer than NEEDED of `strokes` can be made."""
+    """Check that the waiting posture touches nothing and that enough of `strokes` can be made.
+
+    Args:
+        model: The arm.
+        limits: What swings may use.
+
+    Raises:
+        StartupError: The waiting posture is too near to something, or fewer than NEEDED of the strokes can be made.
+    """
     left, what = clearance(model.waiting, model.chain)
     if left < limits.clearance:
-        raise TtError(
-            f"waiting = {model.waiting.tolist()} is {1e3 * left:.0f} mm from {OBSTACLES[what]}, {1e3 * limits.clearance:g} mm wanted"
+        raise StartupError(
+            Failure(
+                StartupFailure.WAITING_TOO_NEAR,
+                waiting=model.waiting.tolist(),
+                distance=left,
+                obstacle=OBSTACLES[what],
+                bound=limits.clearance,
+            )
         )
     start, tried = Joints(0.0, model.waiting, np.zeros(7)), strokes()
     reasons = [plan(model, start, reach(model, racket, model.waiting), TIME, limits).reason for racket in tried]
     made = reasons.count(None)
     if made < NEEDED * len(tried):
         x, y, z = model.chain.base_position
-        far = max(float(np.linalg.norm(r.position - (x, y, z + model.chain.lengths[0]))) for r in tried)
-        span = float(model.chain.lengths[1:].sum() + np.linalg.norm(model.chain.mount_position))
-        first = next(reason for reason in reasons if reason is not None)
-        raise TtError(
-            f"base = ({x:g}, {y:g}, {z:g}) with this mount makes {made} of {len(tried)} strokes, {NEEDED * len(tried):.0f} needed: "
-            f"{first}; "
-            f"the furthest is {far:.2f} m from the shoulder, the arm {span:.2f} m long"
+        shoulder = np.array([x, y, z + model.chain.lengths[0]])
+        raise StartupError(
+            Failure(
+                StartupFailure.TOO_FEW_STROKES,
+                x=x, y=y, z=z, made=made, tried=len(tried), needed=NEEDED * len(tried),
+                reason=next(reason for reason in reasons if reason is not None),
+                far=max(float(np.linalg.norm(racket.position - shoulder)) for racket in tried),
+                length=float(model.chain.lengths[1:].sum() + np.linalg.norm(model.chain.mount_position)),
+            )
+        )  # fmt: skip
+
+
+def check_guard(model: ArmModel, limits: SwingLimits, guard: GuardParams) -> None:
+    """Check that the guard cuts nothing that a swing may use.
+
+    Args:
+        model: The arm.
+        limits: What swings may use.
+        guard: What the guard lets through.
+
+    Raises:
+        StartupError: A swing may use more than the guard lets through.
+    """
+    allowed, used = guard.of_joints(model), limits.of_joints(model)
+    for i, (joint, unit) in enumerate(zip(model.names, used.units, strict=True)):
+        quantities = (
+            ("speed", f"{unit}/s", allowed.speed[i], used.speed[i]),
+            ("change of the command", f"{unit}/s^2", allowed.acceleration[i], used.acceleration[i]),
+            ("position", unit, allowed.position[i, 1], used.position[i, 1]),
+            ("position (downwards)", unit, -allowed.position[i, 0], -used.position[i, 0]),
         )
+        for quantity, quantity_unit, bound, value in quantities:
+            if value > bound:
+                values = {"quantity": quantity, "unit": quantity_unit, "allowed": float(bound), "used": float(value)}
+                raise StartupError(Failure(StartupFailure.GUARD_LIMIT, joint=joint, **values))
+    if guard.clearance > limits.clearance:
+        raise StartupError(Failure(StartupFailure.GUARD_CLEARANCE, kept=guard.clearance, used=limits.clearance))

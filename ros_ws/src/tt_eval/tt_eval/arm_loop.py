@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from tt_arm.control import ArmControl, Step
+from tt_arm.control import ArmControl, ControlStep
 from tt_arm.joints import Joints
 from tt_core.states import Array
 from tt_sim.world.plant import Plant
@@ -21,7 +21,7 @@ class ArmTick(NamedTuple):
     """
 
     joints: Joints
-    step: Step
+    step: ControlStep
 
 
 def arm_ticks(

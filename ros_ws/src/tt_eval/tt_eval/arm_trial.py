@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import clearance
+from tt_core.failures import Failure
 from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, RacketState
@@ -23,6 +25,12 @@ from .arm_loop import arm_ticks
 TICK = 0.002  # s
 STROKES_AT = 0.08  # s after the launch, when the strokes are at the arm: six frames and the latency of the chain
 LONGEST = 4.0  # s, given to the stroke and the way back
+
+
+class TrialFailure(Enum):
+    """Why no stroke was made, where the arm has refused none."""
+
+    NO_STROKE = "no stroke"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +53,7 @@ class ArmTrial:
     """
 
     strokes: int
-    reason: str | None
+    reason: Failure | None
     turning: float
     spare: float
     back: float
@@ -91,7 +99,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
     """
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)
-    start, guarded, choice, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, list[list[float]]()
+    start, guarded, selected, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, list[list[float]]()
     miss, tilt, end = np.nan, np.nan, LONGEST
     for joints, step in arm_ticks(control, plant, start, TICK, rng):
         if joints.time > 0.0:
@@ -99,22 +107,22 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
         if joints.time >= end:
             break
         guarded |= {step.reason.code.name} if step.reason else set()
-        if choice is None and joints.time >= STROKES_AT:
-            choice = control.take(rackets)
-            end = joints.time + 0.2 if choice.swing is None else choice.swing.end_time + 0.1
-        if choice is not None and choice.racket is not None and 0.0 <= choice.racket.time - joints.time < TICK:
-            there = plant.racket(joints, step.command, choice.racket.time - joints.time)
-            miss = float(np.linalg.norm(there.position - choice.racket.position))
-            tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ choice.racket.normal))))
+        if selected is None and joints.time >= STROKES_AT:
+            selected = control.take(rackets)
+            end = joints.time + 0.2 if selected.swing is None else selected.swing.end_time + 0.1
+        if selected is not None and selected.racket is not None and 0.0 <= selected.racket.time - joints.time < TICK:
+            there = plant.racket(joints, step.command, selected.racket.time - joints.time)
+            miss = float(np.linalg.norm(there.position - selected.racket.position))
+            tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ selected.racket.normal))))
     record: Array = np.array(rows)
     q, qdot = record[:, :7], record[:, 7:]
-    made = choice is not None and choice.swing is not None and choice.reach is not None
+    made = selected is not None and selected.swing is not None and selected.reach is not None
     return ArmTrial(
         strokes=len(rackets),
-        reason=None if made else _reason(choice.reasons if choice else ()),
-        turning=choice.reach.turning if made else np.nan,  # type: ignore[union-attr]
-        spare=choice.swing.strike_time - choice.swing.earliest if made else np.nan,  # type: ignore[union-attr]
-        back=choice.swing.end_time - choice.swing.strike_time if made else np.nan,  # type: ignore[union-attr]
+        reason=None if made else selected.reasons[0].failure if selected and selected.reasons else Failure(TrialFailure.NO_STROKE),
+        turning=selected.reach.turning if made else np.nan,  # type: ignore[union-attr]
+        spare=selected.swing.strike_time - selected.swing.earliest if made else np.nan,  # type: ignore[union-attr]
+        back=selected.swing.end_time - selected.swing.strike_time if made else np.nan,  # type: ignore[union-attr]
         miss=miss,
         tilt=tilt,
         room=float(np.minimum(q - model.position_limits[:, 0], model.position_limits[:, 1] - q).min()),
@@ -123,7 +131,3 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
         clear=min(clearance(row, model.chain)[0] for row in q),
         guarded=frozenset(guarded),
     )
-
-
-def _reason(reasons: tuple[str, ...]) -> str:
-    return reasons[0] if reasons else "no stroke"

@@ -16,8 +16,9 @@ from scipy.spatial.transform import Rotation
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.stroke_selection import Choice, SelectionParams
-from tt_arm.swing import Swing
+from tt_arm.reach import ReachFailure
+from tt_arm.stroke_selection import SelectionParams, StrokeSelection
+from tt_arm.swing import Swing, SwingFailure
 from tt_arm.swing import plan as plan_swing
 from tt_core.constants import TABLE_WIDTH
 from tt_core.failures import Failure
@@ -48,7 +49,7 @@ from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
 from .arm_loop import arm_ticks
-from .fast_swing import rally
+from .fast_swing import Setup, rally
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
@@ -158,7 +159,7 @@ class Episode:
     measured: BallState | None
     path: BallPath | None
     candidates: Candidates | None
-    choice: Choice | None
+    choice: StrokeSelection | None
     joints: Array
 
     @functools.cached_property
@@ -212,11 +213,11 @@ class Episode:
                 Counter(failure.code is StrokeFailure.RACKET_TOO_FAST for _, failure in self.candidates.refused) if self.candidates else {}
             )
             return Miss.RACKET_TOO_SLOW if slow.get(True, 0) > slow.get(False, 0) else Miss.OUT_OF_REACH
-        if reason.startswith("arm"):
-            reasons = self.choice.reasons if self.choice else ()
-            if not reasons or any("too soon" in why or "only" in why for why in reasons):
+        if self.choice is None or self.choice.index is None:
+            codes = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
+            if not codes or SwingFailure.TOO_SOON in codes:
                 return Miss.TOO_LATE
-            return Miss.RACKET_TOO_SLOW if any("speed limits" in why or "torque" in why for why in reasons) else Miss.OUT_OF_REACH
+            return Miss.RACKET_TOO_SLOW if codes & ARM_TOO_SLOW else Miss.OUT_OF_REACH
         return self._beyond(outcome) if outcome.result is Result.OFF_TABLE else OF_RESULT[outcome.result]
 
     def _beyond(self, outcome: Outcome) -> Miss:
@@ -228,6 +229,9 @@ class Episode:
         while row[2] < self.trial.physics.contact_height and row[5] < 0.0:
             row = fly(row, -0.002, air)
         return Miss.LONG if 0.0 <= row[1] <= TABLE_WIDTH else Miss.WIDE
+
+
+ARM_TOO_SLOW = {ReachFailure.BEYOND_SPEED_LIMIT, SwingFailure.TORQUE_LIMIT}
 
 
 @functools.cache
@@ -340,16 +344,16 @@ def session(scenario: Scenario, number: int) -> list[Episode]:
 
 
 def _control(robot: Robot) -> ArmControl:
-    control = ArmControl(_arm(), choosing=SelectionParams(method=robot.reach))
+    control = ArmControl(_arm(), selection=SelectionParams(method=robot.reach))
     control.enable(True)
     return control
 
 
-def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: Choice | None, joints: Array) -> Episode:
+def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: StrokeSelection | None, joints: Array) -> Episode:
     return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, choice, joints)
 
 
-Played = tuple[Outcome, "Choice | None", Array]
+Played = tuple[Outcome, "StrokeSelection | None", Array]
 
 
 def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
@@ -361,7 +365,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
         control.swing = replace(_rest(), start=control.joints, end_time=time)
         choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
-    done = rally(trial.ball, swing, time, trial.physics, plant, tick, LONGEST, trial.rng)
+    done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)
     if done is None:
         control.enable(True)
         return None
@@ -372,7 +376,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
     """Play balls in the order of their launches, until nothing more happens to any; rng: of the encoders."""
     tick_time, model = trials[0].scenario.tick, control.model
     robot = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
-    outcomes, choices, ends = list[Outcome](), dict[int, Choice](), dict[int, int]()
+    outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
     record, open_plans = list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
 
     def advance(command: Array) -> Joints:

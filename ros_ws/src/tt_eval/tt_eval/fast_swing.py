@@ -1,19 +1,24 @@
 """One swing of the arm and the ball that meets it, in one call: what `SimulatedRobot` and `ArmControl` do tick by tick.
 
-If the guard or a torque limit would act, the result is None and the ticks must be played.
+Servo, guard and plant are the kernels that they use, with the parameters of that arm's controller. If the guard or a torque limit would
+act, the result is None and the ticks must be played. The guard's look at what is near is left out: a swing is planned with more clearance
+than the guard keeps, which is checked here.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numba import njit
+from tt_arm.control import ArmControl
+from tt_arm.joints import JointBounds
 from tt_arm.kinematics import Chain, forward_into
-from tt_arm.safety.guard import GuardParams
-from tt_arm.servo import ServoParams
-from tt_arm.swing import Swing, SwingLimits
+from tt_arm.safety.command_limits import UNCUT, limit_command
+from tt_arm.servo import servo_speed
+from tt_arm.swing import Swing
 from tt_arm.trajectory.profiles import evaluate
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
@@ -22,86 +27,152 @@ from tt_sim.world.true_ball import CONTACT_LOG, Coefficients, Contact, contacts_
 
 MOST_CONTACTS = 8  # more than a ball has from launch to landing
 AFTER_STRIKE = 0.06  # s that the swing is followed on
-GUARD, SERVO, LIMITS = GuardParams(), ServoParams(), SwingLimits()
+
+
+class Controller(NamedTuple):
+    """Servo and guard, as kernels take them."""
+
+    lead: float  # s, by which the path is read ahead
+    gain: float  # 1/s, of the position error
+    lost: float  # rad, distance from the path at which it is given up
+    hold: float  # s, for which a drive may hold a command
+    speed: Array  # (7,) rad/s, limits of the servo
+    guard: JointBounds  # limits of commands
+    braking: Array  # (7,) rad/s^2
+
+
+class Drives(NamedTuple):
+    """The simulated arm, as kernels take it."""
+
+    limits: JointBounds
+    lag: float  # s
+    q_step: float  # rad, resolution of the encoders; 0: exact
+    noise: Array  # (n, 14) of what is measured, a row for each tick
+
+
+class Followed(NamedTuple):
+    """The path to follow, and from when on."""
+
+    start: float  # s; inf to stay at rest
+    knots: Array  # (7, n) s since the start, see `profiles`
+    coefficients: Array  # (7, n, 6)
+
+
+class Setup(NamedTuple):
+    """What a ball is played with."""
+
+    physics: Physics  # true for this ball
+    plant: Plant  # the simulated arm
+    control: ArmControl  # its controller
+    tick: float  # s
+
+
+class Record(NamedTuple):
+    """What is filled, a row for each tick."""
+
+    joints: Array  # (n, 15) time s, q rad, qdot rad/s
+    rackets: Array  # (n, 12) position, normal, velocity, angular velocity
+
+
+@njit(cache=True)
+def _record_racket(q: Array, qdot: Array, chain: Chain, jacobian: Array, rotation: Array, row: Array) -> None:
+    """Fill a row (12,) of `Record.rackets`."""
+    forward_into(q, chain, row[:3], rotation, jacobian)
+    for k in range(3):
+        row[3 + k] = rotation[k, 2]
+    for k in range(6):
+        row[6 + k] = 0.0
+        for i in range(7):
+            row[6 + k] += jacobian[k, i] * qdot[i]
 
 
 @njit(cache=True)
 def _swing(
-    q: Array, time: float, tick: float, lead: float, gain: float, start: float, knots: Array, coefficients: Array, speeds: Array,
-    limits: Array, guard: Array, lag: float, acceleration: float, noise: Array, q_step: float, chain: Chain, joints: Array, rackets: Array,
-) -> bool:  # fmt: skip
-    """From rest at q (7,), in place, at `time`: fills joints (n, 15) and rackets (n, 12) a tick apart, the first row at `time`.
+    time: float, tick: float, q: Array, path: Followed, controller: Controller, drives: Drives, chain: Chain, record: Record
+) -> bool:
+    """Follow a path from rest at q (7,) rad, which is changed, at `time` (s).
 
-    noise (n, 14) of what the encoders tell. guard: steepest change of a command, braking, margin. Whether the guard stays silent.
+    Returns:
+        Whether the guard stays silent; otherwise the record ends early.
     """
-    rest, qdot, command, last = q.copy(), np.zeros(7), np.zeros(7), np.zeros(7)
-    path_q, path_v, ahead_q, ahead_v, unused = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.empty(7)
-    position, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, 7))
+    rest, qdot, wanted, last, command = q.copy(), np.zeros(7), np.zeros(7), np.zeros(7), np.zeros(7)
+    q_path, qdot_ahead, measured, unused, unused_too = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    rotation, jacobian, speed, noise = np.empty((3, 3)), np.empty((6, 7)), controller.speed, drives.noise
+    lead, gain, joints = controller.lead, controller.gain, record.joints
     for n in range(len(joints)):
         now = time + n * tick
         joints[n, 0] = now
         for i in range(7):
             joints[n, 1 + i], joints[n, 8 + i] = q[i], qdot[i]
-        forward_into(q, chain, position, rotation, jacobian)
-        for k in range(3):
-            rackets[n, k], rackets[n, 3 + k] = position[k], rotation[k, 2]
-        for k in range(6):
-            rackets[n, 6 + k] = 0.0
-            for i in range(7):
-                rackets[n, 6 + k] += jacobian[k, i] * qdot[i]
-        if now + lead >= start:
-            evaluate(now - start, knots, coefficients, path_q, path_v, unused)
-            evaluate(now + lead - start, knots, coefficients, ahead_q, ahead_v, unused)
+        _record_racket(q, qdot, chain, jacobian, rotation, record.rackets[n])
+        if now + lead >= path.start:
+            evaluate(now - path.start, path.knots, path.coefficients, q_path, unused, unused_too)
+            evaluate(now + lead - path.start, path.knots, path.coefficients, unused, qdot_ahead, unused_too)
         else:
-            path_q[:], ahead_v[:] = rest, 0.0
+            q_path[:], qdot_ahead[:] = rest, 0.0
         for i in range(7):
-            told = q[i] + noise[n, i]
-            if q_step > 0.0:
-                told = round(told / q_step) * q_step
-            command[i] = min(speeds[i], max(-speeds[i], ahead_v[i] + gain * (path_q[i] - told)))
-            up = math.sqrt(2.0 * guard[1] * max(0.0, limits[i, 1] - guard[2] - told))
-            down = math.sqrt(2.0 * guard[1] * max(0.0, told - limits[i, 0] - guard[2]))
-            if not -down <= command[i] <= up or abs(command[i] - last[i]) > guard[0] * tick or abs(path_q[i] - told) > guard[3]:
+            measured[i] = q[i] + noise[n, i]
+            if drives.q_step > 0.0:
+                measured[i] = round(measured[i] / drives.q_step) * drives.q_step
+            wanted[i] = servo_speed(q_path[i], qdot_ahead[i], measured[i], gain, speed[i])
+            if abs(q_path[i] - measured[i]) > controller.lost:
                 return False
+        if limit_command(measured, wanted, last, tick, controller.hold, controller.guard, controller.braking, command) != UNCUT:
+            return False
         last[:] = command
-        advance_joints(q, qdot, command, tick, limits, lag, acceleration)
+        advance_joints(q, qdot, command, tick, drives.limits, drives.lag)
     return True
 
 
-def _strong_enough(plant: Plant, joints: Array, tick: float) -> bool:
-    """Whether the motors have the torque of every tick, as `Plant` asks."""
-    model, most = plant.model.pinocchio, plant.params.torque_share * plant.model.torque_limits
+def _has_torque(plant: Plant, joints: Array, tick: float) -> bool:
+    """Return whether the motors have the torque of every tick, as `Plant` asks."""
+    model, most = plant.model.pinocchio, plant.limits.effort
     data, qddot = model.createData(), np.diff(joints[:, 8:], axis=0) / tick
     moving = np.flatnonzero(np.abs(qddot).max(axis=1) > 1e-6)
     rows = zip(joints[moving, 1:8], joints[moving, 8:], qddot[moving], strict=True)
     return all((np.abs(pin.rnea(model, data, q, qdot, a)) <= most).all() for q, qdot, a in rows)
 
 
+def _controller(control: ArmControl) -> Controller:
+    guard, limits = control.guard.params.of_joints(control.model).bounds, control.limits
+    speed, braking = np.array(control.model.speed_limits), np.array(limits.of_joints(control.model).acceleration)
+    return Controller(control.servo.lead, control.servo.gain, control.params.lost, limits.command_timeout, speed, guard, braking)
+
+
 def rally(
-    ball: BallState, swing: Swing | None, time: float, physics: Physics, plant: Plant, tick: float, longest: float, rng: np.random.Generator
+    ball: BallState, swing: Swing | None, time: float, setup: Setup, longest: float, rng: np.random.Generator
 ) -> tuple[list[Contact], Array] | None:
-    """Contacts of the ball until `longest` (s), and joints (n, 15) as of Episode, for an arm that waits until `time` (s) and then makes the
-    swing; None when the guard or the motors have a say in it."""
+    """Play a ball against an arm that waits until `time` and then makes the swing.
+
+    Args:
+        ball: As launched.
+        swing: What the arm does; None to wait on.
+        time: s.
+        setup: Physics, arm and controller.
+        longest: s, until when the ball is followed.
+        rng: Of the encoders.
+
+    Returns:
+        Contacts of the ball, and joints (n, 15) as of `Episode`; None when the guard or the motors would act.
+    """
+    physics, plant, control, tick = setup
     params, model = plant.params, plant.model
-    q = np.array(model.waiting)
+    if control.guard.params.clearance > control.limits.clearance:
+        return None
     n = 2 if swing is None else math.ceil((swing.strike_time + AFTER_STRIKE - time) / tick)
-    joints, rackets = np.empty((n, 15)), np.empty((n, 12))
-    start, knots, coefficients = (np.inf, np.empty((7, 1)), np.empty((7, 1, 6))) if swing is None else _parts(swing)
-    noise = np.zeros((n, 14))
+    record, noise = Record(np.empty((n, 15)), np.empty((n, 12))), np.zeros((n, 14))
     if params.q_noise > 0.0:
         noise[:, :7] = rng.normal(0.0, params.q_noise, (n, 7))
-    guard = np.array([GUARD.acceleration, LIMITS.acceleration, GUARD.margin, 0.15])
-    silent = _swing(
-        q, time, tick, SERVO.lead, SERVO.gain, start, knots, coefficients, model.speed_limits, plant.limits, guard,
-        params.time_constant, params.acceleration, noise, params.q_step, model.chain, joints, rackets,
-    )  # fmt: skip
-    if not silent or (params.torque_share > 0.0 and not _strong_enough(plant, joints, tick)):
+    path = Followed(np.inf, np.empty((7, 1)), np.empty((7, 1, 6))) if swing is None else _followed(swing)
+    drives = Drives(plant.limits.bounds, params.time_constant, params.q_step, noise)
+    silent = _swing(time, tick, np.array(model.waiting), path, _controller(control), drives, model.chain, record)
+    if not silent or (params.torque_share > 0.0 and not _has_torque(plant, record.joints, tick)):
         return None
-    rackets[-1, 6:] = 0.0  # it stays there
+    record.rackets[-1, 6:] = 0.0  # it stays there
     log = np.empty(MOST_CONTACTS, dtype=CONTACT_LOG)
-    met, _, _ = travel(ball.vector, ball.time - time, longest - time, rackets, tick, Coefficients.of(physics), log)
-    return contacts_from(log[:met], time), joints
+    met, _, _ = travel(ball.vector, ball.time - time, longest - time, record.rackets, tick, Coefficients.of(physics), log)
+    return contacts_from(log[:met], time), record.joints
 
 
-def _parts(swing: Swing) -> tuple[float, Array, Array]:
-    return swing.start.time, swing.knots, swing.coefficients
+def _followed(swing: Swing) -> Followed:
+    return Followed(swing.start.time, swing.knots, swing.coefficients)

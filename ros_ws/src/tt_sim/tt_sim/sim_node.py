@@ -80,7 +80,7 @@ class SimNode(Node):
         self.launcher = declare(self, LauncherParams, "launcher.", changed=self.on_launcher)
         self.arm = ArmModel.pa10()
         plant = Plant(self.arm, self.world.plant)
-        self.drive = Drive(self.arm.names, plant.speed_limits, declare(self, DriveParams))
+        self.drive = Drive(self.arm.names, plant.limits.speed, declare(self, DriveParams))
         world = self.world
         renderer = LaunchRenderer(self.params.seed, self.launcher, world.physics, world.domain_randomization, world.cameras)
         self.launches = LaunchStore(

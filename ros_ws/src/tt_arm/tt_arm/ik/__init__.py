@@ -1,1 +1,1 @@
-"""From a racket state to joint positions and speeds."""
+"""Inverse kinematics: which posture, and which joint speeds."""

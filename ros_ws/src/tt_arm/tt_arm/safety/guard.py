@@ -1,6 +1,7 @@
-"""The last word before the wire: what leaves is finite, within the limits, and able to stop before a joint's end, table, floor and arm.
+"""The last check of a command: what leaves is finite, within the limits, and able to stop before a joint's limit, table, floor and arm.
 
-Knows nothing of swings. What is a little too much is cut and told. What means damage latches: a controlled stop, and zero until `reset`.
+The guard knows nothing of swings. A command that is a little too much is cut and reported. Damage latches: a controlled stop, and zero
+until `reset`.
 """
 
 from __future__ import annotations
@@ -12,15 +13,17 @@ from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array
 
-from ..joints import Joints
+from ..joints import JointLimits, Joints
 from ..model import ArmModel
-from ..swing import SwingLimits
+from ..trajectory.limits import SwingLimits
 from .clearance import OBSTACLES, braking_clearance, clearance
+from .command_limits import ACCELERATION, POSITION, SPEED, UNCUT, clip_to_room, cut_joints, limit_command
 from .stops import ArmStop
 
 LONGEST_STEP = 0.05  # s, after which a command may not differ from the last one by more than it may after this
 FIRST_STEP = 0.005  # s, for which the first command of a stop brakes at most
 LEAST_SIGHTINGS = 3  # joint states in a row that must show a damage
+CUTS = {SPEED: ArmStop.SPEED_CUT, POSITION: ArmStop.POSITION_CUT, ACCELERATION: ArmStop.ACCELERATION_CUT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,36 +31,66 @@ class GuardParams:
     """What the guard lets through."""
 
     acceleration: float = param(
-        40.0, "rad/s^2", "steepest change of a command that follows a swing; twice what a swing uses", low=0.1, high=1000.0
+        40.0,
+        "rad/s^2",
+        "steepest change of a command that follows a swing; at least `swing.acceleration`, which is checked at the start",
+        low=0.1,
+        high=1000.0,
     )
-    margin: float = param(0.01, "rad", "kept from the position limits", low=0.0, high=0.5)
-    tolerance: float = param(0.02, "rad", "a joint measured further than this beyond its limit means damage", low=0.0, high=0.5)
-    overspeed: float = param(1.2, "", "times its speed limit, and a joint measured faster than this too", low=1.0, high=100.0)
-    persistence: float = param(0.010, "s", "for which damage must be measured before it latches", low=0.0, high=1.0)
-    clearance: float = param(0.005, "m", "kept from table, floor and arm; less than swings keep", low=0.0, high=0.5)
+    margin: float = param(
+        0.01,
+        "rad",
+        "distance of the arm from the position limits; at most `swing.margin`, which is checked at the start",
+        low=0.0,
+        high=0.5,
+    )
+    tolerance: float = param(
+        0.02, "rad", "distance of a measured position beyond its limit, above which it counts as damage", low=0.0, high=0.5
+    )
+    overspeed: float = param(1.2, "", "measured speed, in speed limits, above which it counts as damage", low=1.0, high=100.0)
+    persistence: float = param(0.010, "s", "time for which damage must be measured before it latches", low=0.0, high=1.0)
+    clearance: float = param(
+        0.005,
+        "m",
+        "distance of racket and forearm from table, floor and arm; at most `swing.clearance`, which is checked at the start",
+        low=0.0,
+        high=0.5,
+    )
     stale_plan: float = param(
-        5.0, "s", "after which a plan no longer moves the arm; a swing and its way back take 2", low=0.01, high=1000.0
+        5.0, "s", "age of a plan above which it no longer moves the arm; a swing and its way back take 2 s", low=0.01, high=1000.0
     )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
 
+    def of_joints(self, model: ArmModel, speed_scale: float = 1.0) -> JointLimits:
+        """Return the limits that commands must keep; the acceleration is that of a change of the command."""
+        return model.limits.reduced(speed=speed_scale, margin=self.margin, acceleration=self.acceleration)
+
 
 class Guard:
     """Cut commands to what is safe.
 
     Attributes:
+        braking: (7,) rad/s^2, at which each joint brakes in a stop: the acceleration limit of swings, with which clearance is computed.
+        command_timeout: s, for which the drives may hold a command.
         latched: None, or why only a stop leaves until `reset`.
-        speed_scale: Share of the speed limits that commands may use.
+        params: What is let through.
     """
 
     def __init__(self, model: ArmModel, params: GuardParams | None = None, limits: SwingLimits | None = None) -> None:
-        """Guard `model`. The braking limit is `limits.acceleration`, the one that swings keep and clearance is computed with."""
-        self._model, self._params, limits = model, params or GuardParams(), limits or SwingLimits()
-        self.braking, self.command_timeout = limits.acceleration, limits.command_timeout
+        """Guard an arm.
+
+        Args:
+            model: The arm.
+            params: What is let through.
+            limits: What swings may use.
+        """
+        self._model, self.params, limits = model, params or GuardParams(), limits or SwingLimits()
+        self.braking, self.command_timeout = np.array(limits.of_joints(model).acceleration), limits.command_timeout
         self.latched: Failure | None = None
-        self.speed_scale = 1.0
+        self._scale, self._limits = 1.0, self.params.of_joints(model).bounds
         self._last = np.zeros(len(model.names))
         self._now: float | None = None  # s, monotonic, when the last command left
         self.reset()
@@ -68,6 +101,16 @@ class Guard:
         self._time: float | None = None  # s, of the joint state that the last command answered
         self._stopping = False  # whether the last command was one of a stop
         self._damaged, self._damaged_since, self._found = 0, 0.0, False  # joint states in a row that show damage, since when, from a gap on
+
+    @property
+    def speed_scale(self) -> float:
+        """Share of the speed limits that commands may use."""
+        return self._scale
+
+    @speed_scale.setter
+    def speed_scale(self, scale: float) -> None:
+        if scale != self._scale:
+            self._scale, self._limits = scale, self.params.of_joints(self._model, scale).bounds
 
     @property
     def last(self) -> Array:
@@ -94,7 +137,7 @@ class Guard:
         if self._damaged == 0:
             self._damaged_since, self._found = joints.time, after_gap
         self._damaged += 1
-        lasts = self._damaged >= LEAST_SIGHTINGS and joints.time - self._damaged_since >= self._params.persistence
+        lasts = self._damaged >= LEAST_SIGHTINGS and joints.time - self._damaged_since >= self.params.persistence
         if lasts and not self._found:
             self.latched = self.latched or failure
         return failure if lasts or self._found else None
@@ -111,58 +154,51 @@ class Guard:
             planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
             age: s, of `joints`: the arm has moved on since.
         """
-        command, params, q = np.asarray(command, dtype=float), self._params, joints.q
+        command, params, q = np.array(command, dtype=float), self.params, joints.q
         if self.latched is not None:
             return self.stop(now, joints), self.latched
         if command.shape != q.shape or not np.isfinite(command).all():
             return self.stop(now, joints), Failure(ArmStop.BROKEN_COMMAND, count=len(q), command=command)
         if planned is not None and joints.time - planned > params.stale_plan and command.any():
             return self.stop(now, joints), Failure(ArmStop.OLD_PLAN, age=joints.time - planned, bound=params.stale_plan)
-        speed = self.speed_scale * self._model.speed_limits
-        down, up = self._room(q, age + self.command_timeout)
-        slow = np.clip(command, -speed, speed)
-        cut = np.clip(slow, -down, up)
-        begins, step = self._time is None, self._step(joints.time, now)
-        # room to brake comes before smoothness
-        allowed = np.clip(self._towards(cut, step), np.maximum(-down, -speed), np.minimum(up, speed))
+        begins, passed, allowed = self._time is None, self._passed(joints.time, now), np.empty(len(q))
+        cut = limit_command(q, command, self._last, passed, age + self.command_timeout, self._limits, self.braking, allowed)
         near = self._near(q, allowed, age) if allowed.any() else None
         if near is not None:
             return self.stop(now, joints), near
         self._last, self._now, self._stopping = allowed, now, False
-        wrong = np.abs(allowed - command) > 1e-9
-        if begins or not wrong.any():  # how long the arm has had for the first command is not known
+        if begins or cut == UNCUT:  # how long the arm has had for the first command is not known
             return allowed, None
-        code = (
-            ArmStop.SPEED_CUT if (slow != command).any() else ArmStop.POSITION_CUT if (cut != command).any() else ArmStop.ACCELERATION_CUT
-        )
-        return allowed, Failure(code, joints=", ".join(name for name, bad in zip(self._model.names, wrong, strict=True) if bad))
+        names = (name for name, is_cut in zip(self._model.names, cut_joints(allowed, command), strict=True) if is_cut)
+        return allowed, Failure(CUTS[cut], joints=", ".join(names))
 
     def stop(self, now: float, joints: Joints | None = None) -> Array:
         """Return the next command (7,) rad/s of a controlled stop, zero at the end.
 
+        Where no command has left for long, the drive still holds the last one until its own timeout, and brakes by itself from then on.
+        The stop begins from that speed.
+
         Args:
             now: s, monotonic.
             joints: As measured, where that is known: then no joint comes nearer to its limit than it can brake, whatever its lag.
-
-        Where no command has left for long, the drive still holds the last one until its own timeout, and brakes by itself from then on.
-        The stop begins from that speed.
         """
         passed = 0.0 if self._now is None else max(now - self._now, 0.0)
         if not self._stopping:
             passed = max(min(passed, FIRST_STEP), passed - self.command_timeout)
-        self._last, self._now, self._stopping = self._towards(np.zeros(len(self._last)), self.braking * passed), now, True
+        step = self.braking * passed
+        self._last, self._now, self._stopping = self._last + np.clip(-self._last, -step, step), now, True
         if joints is not None:
-            down, up = self._room(joints.q, 0.0)
-            self._last = np.clip(self._last, -down, up)
+            clip_to_room(joints.q, 0.0, self._limits, self.braking, self._last)
         return self._last
 
     def latch(self, failure: Failure, now: float) -> Array:
-        """Stop, and go on stopping until `reset`; the next command (7,) rad/s."""
+        """Stop, and go on stopping until `reset`; return the next command (7,) rad/s."""
         self.latched = self.latched or failure
         return self.stop(now)
 
     def _damage(self, joints: Joints) -> Failure | None:
-        params, names, (low, high) = self._params, self._model.names, self._model.position_limits.T
+        """Return the damage that this joint state shows."""
+        params, names, (low, high) = self.params, self._model.names, self._model.position_limits.T
         outside, share = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(outside.argmax()), int(share.argmax())
         if outside[i] > params.tolerance:
@@ -173,25 +209,21 @@ class Guard:
         return Failure(ArmStop.CONTACT, obstacle=OBSTACLES[what]) if left <= 0.0 else None
 
     def _near(self, q: Array, command: Array, age: float) -> Failure | None:
-        """Braking from `command`, at once or after the drives have held it, would end too near to something, and not further than now."""
-        chain, bound = self._model.chain, self._params.clearance
+        """Return a failure if braking from `command`, at once or after the drives have held it, ends too near to something.
+
+        It is allowed if the arm is nearer to it now.
+        """
+        chain, bound = self._model.chain, self.params.clearance
         left, what = braking_clearance(q, command, self.braking, age, chain)
         held, held_what = braking_clearance(q, command, self.braking, age + self.command_timeout, chain)
-        if held + bound < left:  # a held command must not touch, no more: it takes a fault
+        if held + bound < left:  # a held command must not touch, no more: a command is held only if the process fails
             left, what = held + bound, held_what
         if left >= bound or left > clearance(q, chain)[0]:
             return None
-        return Failure(ArmStop.NEAR, left=max(0.0, 1e3 * left), obstacle=OBSTACLES[what], bound=1e3 * bound)
+        return Failure(ArmStop.NEAR, left=max(0.0, left), obstacle=OBSTACLES[what], bound=bound)
 
-    def _room(self, q: Array, hold: float) -> tuple[Array, Array]:
-        """rad/s (7,) down and up, at which each joint may move for `hold` (s) and then brake before its limit."""
-        low, high = self._model.position_limits.T + self._params.margin * np.array([[1.0], [-1.0]])
-        braking = self.braking
-        down, up = (np.sqrt((braking * hold) ** 2 + 2.0 * braking * np.maximum(0.0, room)) - braking * hold for room in (q - low, high - q))
-        return down, up
-
-    def _step(self, time: float, now: float) -> float:
-        """rad/s, by which a command may differ from the last one.
+    def _passed(self, time: float, now: float) -> float:
+        """Return the time (s) since the last command, after which the next one may differ from it, and keep `time`.
 
         Joint states come irregularly, so their stamps tell the time between two commands.
         After a stop only the time since its last command counts.
@@ -200,7 +232,4 @@ class Guard:
         if self._stopping and self._now is not None:
             passed = min(passed, max(now - self._now, 0.0))
         self._time = time
-        return self._params.acceleration * passed
-
-    def _towards(self, command: Array, step: float) -> Array:
-        return self._last + np.clip(command - self._last, -step, step)
+        return passed

@@ -1,6 +1,6 @@
-"""Which joint states are used: what is broken, old, repeated or impossible is refused before anything is computed from it.
+"""Which joint states are used: one that is broken, old, repeated or impossible is refused before anything is computed from it.
 
-All ages are judged twice: by stamp against the clock, and by arrival on a monotonic clock. A deadline for silence runs on arrival only.
+All ages are checked twice: by stamp against the clock, and by arrival on a monotonic clock. The deadline for silence runs on arrival only.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from ..joints import Joints
 from ..model import ArmModel
 from .stops import ArmStop
 
-BEYOND = 1.0  # rad beyond a position limit, from where a number is no posture; the mechanical stops are nearer
-TIMES = 10.0  # times a speed limit, from where a number is no speed of this arm
-JUMP = 0.02  # rad, of noise, that two positions may differ by beyond what the speed limits allow
+BEYOND = 1.0  # rad beyond a position limit, above which a number is no position of this joint; the mechanical stops are nearer
+TIMES = 10.0  # speed limits, above which a number is no speed of this joint
+JUMP = 0.02  # rad, by which noise may make two positions differ beyond what the speed limits allow
 LONGEST_DEADLINE = 0.3  # s, whatever the period of the joint states
 WINDOW = 15  # joint states whose median distance is their period
 
@@ -31,13 +31,25 @@ class JointStateParams:
     """When joint states are used."""
 
     silence: float = param(
-        0.020, "s", "without a valid joint state after which the arm brakes; the node looks each 2.5 ms", low=0.001, high=10.0
+        0.020, "s", "time without a valid joint state after which the arm brakes; checked each 2.5 ms", low=0.001, high=10.0
     )
-    periods: float = param(3.0, "", "of the joint states, which the same may last where they are slower", low=1.0, high=100.0)
-    late: float = param(0.1, "s", "that a joint state may be old when it comes; a busy machine delays some by 50 ms", low=0.001, high=10.0)
-    ahead: float = param(0.005, "s", "that its stamp may be ahead of the clock", low=0.0001, high=10.0)
-    overspeed: float = param(1.2, "", "times a speed limit, for what two positions may differ by", low=1.0, high=100.0)
-    difference: float = param(0.010, "s", "over which positions are differentiated where a driver sends no speeds", low=0.001, high=1.0)
+    periods: float = param(
+        3.0,
+        "",
+        "periods of the joint states without a valid one after which the arm brakes, where that is longer than `silence`",
+        low=1.0,
+        high=100.0,
+    )
+    late: float = param(
+        0.1, "s", "age that a joint state may have when it comes; a busy machine delays some by 50 ms", low=0.001, high=10.0
+    )
+    ahead: float = param(0.005, "s", "time by which the stamp of a joint state may be ahead of the clock", low=0.0001, high=10.0)
+    overspeed: float = param(
+        1.2, "", "speed, in speed limits, with which two positions may differ; beyond it the joint state is refused", low=1.0, high=100.0
+    )
+    difference: float = param(
+        0.010, "s", "time over which positions are differentiated where a driver sends no speeds", low=0.001, high=1.0
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -50,7 +62,7 @@ class JointStateCheck:
     Attributes:
         params: What is accepted.
         last: The newest joint state that was accepted, None before the first.
-        gap: Whether the last accepted one did not follow its predecessor within the deadline, by stamp or by arrival.
+        gap: Whether the last accepted one came later after its predecessor than the deadline, by stamp or by arrival.
     """
 
     def __init__(self, model: ArmModel, params: JointStateParams | None = None) -> None:
@@ -99,7 +111,7 @@ class JointStateCheck:
         return joints
 
     def _impossible(self, joints: Joints) -> Failure | None:
-        """What no sound sensor of this arm can tell."""
+        """Return why no intact sensor of this arm can have measured this, or None."""
         (low, high), names = self._model.position_limits.T, self._model.names
         beyond, shares = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(beyond.argmax()), int(shares.argmax())
@@ -110,7 +122,7 @@ class JointStateCheck:
         return None
 
     def _untimely(self, joints: Joints, clock: float | None) -> Failure | None:
-        """Old, ahead, or no newer than the last one, unless the clock itself went back since."""
+        """Return whether it is old, ahead, or not newer than the last one, unless the clock itself went back since."""
         params, last = self.params, self.last
         if clock is not None and joints.time > clock + params.ahead:
             return Failure(ArmStop.AHEAD, age=joints.time - clock, bound=params.ahead)
@@ -122,7 +134,7 @@ class JointStateCheck:
         return None
 
     def _jumped(self, joints: Joints, now: float) -> Failure | None:
-        """Further from the last one than the joints can move since then; after silence the arm may have been moved by other means."""
+        """Return whether it is further from the last one than the joints can have moved since. It is not called after silence."""
         last = self.last
         if last is None:
             return None
@@ -135,7 +147,7 @@ class JointStateCheck:
         return None
 
     def _differentiated(self, joints: Joints) -> Joints:
-        """The same with speeds from the positions of the last `difference` s; zero until there are so many."""
+        """Return the same with speeds from the positions of the last `difference` s; zero until there are positions for so long."""
         positions = self._positions
         positions.append((joints.time, joints.q))
         while len(positions) > 2 and joints.time - positions[1][0] >= self.params.difference:

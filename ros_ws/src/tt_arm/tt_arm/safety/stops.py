@@ -1,4 +1,4 @@
-"""Every reason for which the arm stops or does less than its swing asks, with its sentence."""
+"""Every reason why the arm stops or does less than its swing asks, with its sentence."""
 
 from enum import Enum
 
@@ -6,7 +6,7 @@ from enum import Enum
 class ArmStop(Enum):
     """Codes of `tt_core.failures.Failure`. Those that latch are listed in docs/safety.md."""
 
-    # a person
+    # a person stopped it
     NOT_ENABLED = "not enabled"
     STOPPED = "stopped by /arm/stop; /arm/enable starts again"
     ENDED = "the node ends"
@@ -19,9 +19,9 @@ class ArmStop(Enum):
     NO_POSTURE = "joint {joint} at {value:g} rad is {beyond:g} rad beyond its limit, no posture of this arm"
     NO_SPEED = "joint {joint} at {value:g} rad/s is {share:g} times its speed limit, no speed of this arm"
     JUMP = "joint {joint} jumped by {value:g} rad in {passed:.4f} s, at most {bound:g} rad possible"
-    # others on our topics
+    # other nodes on the arm's topics
     SECOND_PUBLISHER = "{count} publishers on {topic} ({names}), 1 allowed"
-    # latched: damage, or a person has to look
+    # these latch: damage, or a person has to look
     BEYOND_LIMIT = "joint {joint} is {value:.3f} rad beyond its limit, at most {bound:g} rad tolerated"
     OVERSPEED = "joint {joint} moves at {value:.2f} times its speed limit, at most {bound:g} tolerated"
     CONTACT = "the arm touches {obstacle}"
@@ -31,7 +31,7 @@ class ArmStop(Enum):
     SPEED_CUT = "speed limit: {joints}"
     POSITION_CUT = "position limit: {joints}"
     ACCELERATION_CUT = "acceleration limit: {joints}"
-    NEAR = "braking would end {left:.0f} mm from {obstacle}, {bound:.0f} mm wanted"
+    NEAR = "braking would end {left:.3f} m from {obstacle}, {bound:.3f} m wanted"
     NOT_FOLLOWING = "gave up {count} paths within {window:g} s, rests and tries again; the last time: {last}"
     OLD_PLAN = "the plan is {age:.2f} s old, at most {bound:g} s allowed"
     # others

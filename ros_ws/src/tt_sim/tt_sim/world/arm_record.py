@@ -7,13 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from tt_arm.joints import Joints
+from tt_arm.joints import JointBounds, Joints
 from tt_arm.kinematics import Chain
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import OBSTACLES, clearance
 from tt_core.states import Array
-
-from .plant import drive_limits
 
 ROUNDING = 1e-6  # of the speed limit; a speed at the limit may be above it by so much
 
@@ -45,7 +43,7 @@ class TickExtremes(NamedTuple):
 
 
 @njit(cache=True)
-def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: Array, chain: Chain) -> tuple[float, float, float, float, int]:
+def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: JointBounds, chain: Chain) -> TickExtremes:
     """Measure one tick.
 
     Args:
@@ -53,20 +51,16 @@ def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: Arra
         qdot: (7,) rad/s at its end.
         before: (7,) rad/s at its beginning.
         duration: s.
-        limits: (7, 3), rows of `drive_limits`.
+        limits: Of the joints.
         chain: Of the arm.
-
-    Returns:
-        The fields of TickExtremes.
     """
-    limit = drive_limits(limits)
     speed, acceleration, limit_distance = 0.0, 0.0, np.inf
-    for i in range(len(q)):
-        speed = max(speed, abs(qdot[i]) / limit.speed[i])
+    for i in range(7):
+        speed = max(speed, abs(qdot[i]) / limits[i].speed)
         acceleration = max(acceleration, abs(qdot[i] - before[i]) / duration)
-        limit_distance = min(limit_distance, q[i] - limit.low[i], limit.high[i] - q[i])
+        limit_distance = min(limit_distance, q[i] - limits[i].low, limits[i].high - q[i])
     left, nearest = clearance(q, chain)
-    return speed, acceleration, limit_distance, left, nearest
+    return TickExtremes(speed, acceleration, limit_distance, left, nearest)
 
 
 class ArmRecord:
@@ -83,10 +77,10 @@ class ArmRecord:
 
     def __init__(self, model: ArmModel, joints: Joints) -> None:
         """Begin with the present state of the joints."""
-        self._chain, self._limits = model.chain, np.column_stack([model.position_limits, model.speed_limits])
+        self._chain, self._limits = model.chain, model.limits.bounds
         self._joints = joints
         self._broken: frozenset[Bound] = frozenset()  # bounds, in the last tick
-        now = TickExtremes(*_measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain))
+        now = _measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain)
         self.speed, self.acceleration, self.hits = (0.0, joints.time), (0.0, joints.time), 0
         self.limit_distance, self.clearance = (now.limit_distance, joints.time), (now.clearance, joints.time)
         self.nearest = OBSTACLES[now.nearest]
@@ -99,7 +93,7 @@ class ArmRecord:
         """
         last, self._joints = self._joints, joints
         time = joints.time
-        now = TickExtremes(*_measure(joints.q, joints.qdot, last.qdot, time - last.time, self._limits, self._chain))
+        now = _measure(joints.q, joints.qdot, last.qdot, time - last.time, self._limits, self._chain)
         if now.speed > self.speed[0]:
             self.speed = now.speed, time
         if now.acceleration > self.acceleration[0]:

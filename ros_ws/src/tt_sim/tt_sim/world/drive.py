@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from tt_arm.joints import ACCELERATION, COMMAND_TIMEOUT
 from tt_core.errors import check_array, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
@@ -18,10 +19,18 @@ class DriveParams:
     """What the drives do without a command."""
 
     command_timeout: float = param(
-        0.1, "s", "time for which the drives obey a command; afterwards they brake, as the drives of real arms do", low=0.001, high=10.0
+        COMMAND_TIMEOUT,
+        "s",
+        "time for which a command holds, as in the drives of real arms; the arm must know it as `swing.command_timeout`",
+        low=0.001,
+        high=10.0,
     )
     braking: float = param(
-        20.0, "rad/s^2", "deceleration of each joint without a command; the guard of the arm counts on it", low=0.1, high=1000.0
+        ACCELERATION,
+        "rad/s^2",
+        "deceleration of each joint without a command; the guard counts on `swing.acceleration`",
+        low=0.1,
+        high=1000.0,
     )
 
     def __post_init__(self) -> None:

@@ -1,8 +1,8 @@
 """A simulated arm that obeys joint velocity commands with a lag, exactly integrated.
 
-Each joint: qddot = (command - qdot) / time_constant, cut at the acceleration limit. The command is cut at the speed limit, and a joint that
-runs into its end stop rests there. With a torque limit, the inverse dynamics (pinocchio) give the torques that the motors would need over
-the tick. If one is beyond its limit, all are cut at their limits, and the forward dynamics give the motion.
+For each joint qddot = (command - qdot) / time_constant, cut at the acceleration limit. The command is cut at the speed limit, and a joint
+that runs into its end stop stops there. With a torque limit, inverse dynamics (pinocchio) give the torques that a tick needs. If one is
+above its limit, the torques are cut, and forward dynamics give the motion.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numba import njit
-from tt_arm.joints import Joints
+from tt_arm.joints import JointBounds, Joints
 from tt_arm.kinematics import forward
 from tt_arm.model import ArmModel
 from tt_core.errors import check_array, check_range
@@ -29,55 +28,35 @@ from .true_ball import RacketMotion
 class PlantParams:
     """How the simulated arm differs from the perfect one."""
 
-    time_constant: float = param(0.005, "s", "time constant of the joint velocity loops, an assumption", low=0.0001, high=1.0)
+    time_constant: float = param(0.005, "s", "lag of the joint velocity loops, an assumption", low=0.0001, high=1.0)
     acceleration: float = param(
-        40.0, "rad/s^2", "largest acceleration of each joint, an assumption: twice what a swing asks for", low=0.1, high=10000.0
+        40.0, "rad/s^2", "acceleration that each joint reaches, an assumption: twice what a swing uses", low=0.1, high=10000.0
     )
-    speed_share: float = param(1.0, "", "share of the speed limits of the joints that the drives reach", low=0.01, high=1.0)
-    torque_share: float = param(0.0, "", "share of the rated joint torque that the motors have; 0: no limit", low=0.0, high=100.0)
-    q_noise: float = param(0.0, "rad", "standard deviation of a measured joint position", low=0.0, high=1.0)
-    qdot_noise: float = param(0.0, "rad/s", "standard deviation of a measured joint speed", low=0.0, high=10.0)
-    q_step: float = param(0.0, "rad", "resolution of the joint encoders; 0: none", low=0.0, high=0.1)
+    speed_share: float = param(1.0, "", "share of the speed limits that the drives reach", low=0.01, high=1.0)
+    torque_share: float = param(0.0, "", "share of the rated torque that the motors have; 0: no limit", low=0.0, high=100.0)
+    q_noise: float = param(0.0, "rad", "standard deviation of a measured position", low=0.0, high=1.0)
+    qdot_noise: float = param(0.0, "rad/s", "standard deviation of a measured speed", low=0.0, high=10.0)
+    q_step: float = param(0.0, "rad", "resolution of the encoders; 0: exact", low=0.0, high=0.1)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
 
 
-class DriveLimits(NamedTuple):
-    """What drives and end stops allow, for the kernels; one value for each joint.
-
-    Attributes:
-        low: rad, the lower end stop.
-        high: rad, the upper end stop.
-        speed: rad/s.
-    """
-
-    low: Array
-    high: Array
-    speed: Array
-
-
-@njit(cache=True)
-def drive_limits(rows: Array) -> DriveLimits:
-    """Give names to the columns of rows (joints, 3), as `Plant.limits` has them."""
-    return DriveLimits(rows[:, 0], rows[:, 1], rows[:, 2])
-
-
 @njit(cache=True)
 def step_joint(q: float, v: float, u: float, duration: float, lag: float, acceleration: float) -> tuple[float, float]:
-    """Move one joint: at the acceleration limit while the lag asks for more, then as an exponential.
+    """Advance one joint: at the acceleration limit while more is asked for, then an exponential.
 
     Args:
         q: rad.
         v: rad/s.
         u: rad/s, the command.
         duration: s.
-        lag: s, time constant.
-        acceleration: rad/s^2, limit.
+        lag: s, time constant of the velocity loop.
+        acceleration: rad/s^2, limit both ways.
 
     Returns:
-        Position and speed after `duration`.
+        Position (rad) and speed (rad/s) after `duration`.
     """
     gap = u - v
     ramp = min(duration, max(0.0, abs(gap) / acceleration - lag))
@@ -90,53 +69,54 @@ def step_joint(q: float, v: float, u: float, duration: float, lag: float, accele
 
 
 @njit(cache=True)
-def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limits: Array, lag: float, acceleration: float) -> None:
-    """Move all joints, in place; limits: rows of `drive_limits`; the rest as of `step_joint`."""
-    limit = drive_limits(limits)
-    for i in range(len(q)):
-        u = min(limit.speed[i], max(-limit.speed[i], command[i]))
-        q[i], qdot[i] = step_joint(q[i], qdot[i], u, duration, lag, acceleration)
-        if not limit.low[i] <= q[i] <= limit.high[i]:
-            q[i], qdot[i] = min(limit.high[i], max(limit.low[i], q[i])), 0.0
+def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limits: JointBounds, lag: float) -> None:
+    """Advance all joints in place. A joint that runs into its end stop stops there.
+
+    Args:
+        q: (7,) rad; changed.
+        qdot: (7,) rad/s; changed.
+        command: (7,) rad/s.
+        duration: s.
+        limits: What the drives reach.
+        lag: s, time constant of the velocity loops.
+    """
+    for i in range(7):
+        u = min(limits[i].speed, max(-limits[i].speed, command[i]))
+        q[i], qdot[i] = step_joint(q[i], qdot[i], u, duration, lag, limits[i].acceleration)
+        if not limits[i].low <= q[i] <= limits[i].high:
+            q[i], qdot[i] = min(limits[i].high, max(limits[i].low, q[i])), 0.0
 
 
 class Plant:
-    """The arm. It holds constants only: the state is passed in and returned.
+    """The simulated arm. It keeps constants only: the state is passed in and returned.
 
     Attributes:
-        model: What the arm is.
+        model: The arm.
         params: How it differs from the perfect one.
-        limits: (7, 3), rows of `drive_limits`.
+        limits: What its joints reach.
     """
 
     def __init__(self, model: ArmModel, params: PlantParams | None = None) -> None:
-        """Take the limits of the model and the share of them that the drives reach."""
+        """Keep the constants of an arm."""
         self.model, self.params = model, params or PlantParams()
-        self.limits = np.column_stack([model.position_limits, self.params.speed_share * model.speed_limits])
-
-    @property
-    def speed_limits(self) -> Array:
-        """Speeds at which the drives cut commands, (7,) rad/s."""
-        return self.limits[:, 2]
+        speed, effort = self.params.speed_share, self.params.torque_share
+        self.limits = model.limits.reduced(speed=speed, effort=effort, acceleration=self.params.acceleration)
 
     @cached_property
     def _data(self) -> pin.Data:
         return self.model.pinocchio.createData()
 
     def advance(self, state: Joints, command: Array, duration: float) -> Joints:
-        """Move the joints under one command.
+        """Return the joints `duration` (s) later under one command.
 
         Args:
-            state: Where they start.
+            state: The joints now.
             command: (7,) rad/s.
-            duration: s.
-
-        Returns:
-            The joints `duration` later.
+            duration: s, 0 to 10.
 
         Raises:
-            OutOfRange: The duration is not within [0, 10].
-            BadShape: The command is not one number for each joint.
+            OutOfRange: `duration` is outside its range.
+            BadShape: `command` has another shape.
             NotFinite: A number is NaN or infinite.
         """
         duration = check_range("duration", duration, 0.0, 10.0)
@@ -144,19 +124,13 @@ class Plant:
         return Joints(state.time + duration, q, qdot)
 
     def racket(self, state: Joints, command: Array | None = None, duration: float = 0.0) -> RacketMotion:
-        """Return the racket at `state`, or later, exact at any instant of a tick; about 15 us.
-
-        Args:
-            state: Of the joints.
-            command: (7,) rad/s, obeyed for `duration`; None for the racket at `state`.
-            duration: s.
-        """
+        """Return the racket now, or `duration` (s) later under `command` (7,) rad/s; exact at any instant of a tick; about 15 us."""
         q, qdot = (state.q.copy(), state.qdot) if command is None else self._after(state, command, duration)
         position, rotation, jacobian = forward(q, self.model.chain)
         return RacketMotion(position, rotation, jacobian[:3] @ qdot, jacobian[3:] @ qdot)
 
     def measured(self, state: Joints, rng: np.random.Generator) -> Joints:
-        """Return the joints as the encoders measure them; rng: of the noise."""
+        """Return what the encoders measure."""
         params = self.params
         if params.q_noise == params.qdot_noise == params.q_step == 0.0:
             return state
@@ -165,19 +139,19 @@ class Plant:
 
     def _after(self, state: Joints, command: Array, duration: float) -> tuple[Array, Array]:
         q, qdot, params = state.q.copy(), state.qdot.copy(), self.params
-        advance_joints(q, qdot, command.astype(float), duration, self.limits, params.time_constant, params.acceleration)
+        advance_joints(q, qdot, command.astype(float), duration, self.limits.bounds, params.time_constant)
         if params.torque_share > 0.0 and duration > 0.0:
             return self._driven(state, q, qdot, duration)
         return q, qdot
 
     def _driven(self, state: Joints, q: Array, qdot: Array, duration: float) -> tuple[Array, Array]:
-        """Return q and qdot after `duration`, wanted without a torque limit, as the motors can make them."""
-        model, most = self.model.pinocchio, self.params.torque_share * self.model.torque_limits
+        """Return q and qdot after `duration` (s) as the motors can make them; given are those without a torque limit."""
+        model, most = self.model.pinocchio, self.limits.effort
         before = np.array(state.q), np.array(state.qdot)
         torque = pin.rnea(model, self._data, *before, (qdot - before[1]) / duration)
         if (np.abs(torque) <= most).all():
             return q, qdot
         qddot = pin.aba(model, self._data, *before, np.clip(torque, -most, most))
         q, qdot = before[0] + duration * before[1] + 0.5 * duration**2 * qddot, before[1] + duration * qddot
-        inside = np.clip(q, self.model.position_limits[:, 0], self.model.position_limits[:, 1])
+        inside = np.clip(q, *self.limits.position.T)
         return inside, np.where(inside == q, qdot, 0.0)

@@ -11,8 +11,6 @@ from numba import njit
 from tt_core.interpolate import hermite
 from tt_core.states import Array
 
-RACKET_RADIUS = 0.075  # m, a disc of a usual blade's width
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RacketMotion:

@@ -10,13 +10,12 @@ import math
 from typing import NamedTuple
 
 from numba import njit
-from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_THICKNESS, TABLE_WIDTH
 from tt_core.states import Array
 from tt_core.text_enum import TextEnum
 
 from .racket_motion import RacketInstant
 
-TABLE_THICKNESS = 0.025  # m, of a usual competition table
 NET_THICKNESS = 0.002  # m
 
 

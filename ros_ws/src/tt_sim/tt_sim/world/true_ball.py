@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from tt_core.bounce import TableCoefficients, rebound_racket, rebound_table
+from tt_core.constants import RACKET_RADIUS
 from tt_core.errors import check_range
 from tt_core.flight import MAX_STEP, AirCoefficients, ease, step
 from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
 from tt_core.states import Array, BallState
 
-from .racket_motion import RACKET_RADIUS, RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at, racket_track
+from .racket_motion import RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at, racket_track
 from .surfaces import (
     BY_NUMBER,
     FLOOR,

@@ -1,0 +1,96 @@
+"""What a swing may use, and why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from tt_core.params import check, param
+
+from ..joints import ACCELERATION, COMMAND_TIMEOUT, JERK, JointLimits
+from ..model import ArmModel
+from .legs import PROFILES
+
+
+class SwingFailure(Enum):
+    """Why there is no swing through the strike."""
+
+    NO_WAY = "the limits allow no way to this strike"
+    TOO_SOON = "the strike is {missing:.3f} s too soon"
+    TOO_LATE = "the limits allow no way that arrives as late as the strike"
+    TOO_FAST = "the arm moves too fast to arrive as late as the strike"
+    NO_WAY_BACK = "the way back to waiting takes more than {bound:g} s"
+    POSITION_LIMIT = "joint {joint} would come within {distance:.3f} {unit} of its limit on the way"
+    HELD_COMMAND = "joint {joint} would run {beyond:.3f} {unit} beyond its limit if its drive held a command"
+    SPEED_LIMIT = "joint {joint} would need {share:.3f} of its speed limit on the way"
+    ACCELERATION_LIMIT = "joint {joint} would need {share:.3f} of its acceleration limit on the way"
+    JERK_LIMIT = "joint {joint} would need {share:.3f} of its jerk limit on the way"
+    CLEARANCE = "the arm would come within {distance:.3f} m of {obstacle} on the way or braking there"
+    TORQUE_LIMIT = "joint {joint} would need {share:.2f} of its rated torque on the way"
+
+
+@dataclass(frozen=True, slots=True)
+class SwingLimits:
+    """What a swing may use of the arm's limits."""
+
+    acceleration: float = param(
+        ACCELERATION,
+        "rad/s^2",
+        "acceleration limit of each joint; a swing then needs 0.76 of the rated torque at most (assumed inertias), our choice",
+        low=0.1,
+        high=1000.0,
+    )
+    speed_share: float = param(1.0, "", "share of the speed limits of Table A.12 that a swing may use", low=0.01, high=1.0)
+    unhurried: float = param(
+        1.4, "", "duration of a leg from rest to the strike, in its least times, where there is time enough", low=1.0, high=10.0
+    )
+    unhurried_return: float = param(
+        1.0, "", "duration of the way back, in its least times; 1, because the next ball comes soon", low=1.0, high=10.0
+    )
+    torque_share: float = param(
+        1.0, "", "share of the rated torque that a swing may need, checked over the whole path with assumed inertias", low=0.01, high=100.0
+    )
+    margin: float = param(
+        0.02,
+        "rad",
+        "distance of a swing from the position limits; at least `guard.margin`, which is checked at the start",
+        low=0.0,
+        high=0.5,
+    )
+    clearance: float = param(
+        0.010,
+        "m",
+        "distance of racket and forearm from table, floor and arm; at least `guard.clearance`, which is checked at the start",
+        low=0.0,
+        high=0.5,
+    )
+    command_timeout: float = param(
+        COMMAND_TIMEOUT,
+        "s",
+        "time for which the drives hold a command; from anywhere on a path they may do that, then brake, without touching anything",
+        low=0.0,
+        high=10.0,
+    )
+    jerk: float = param(
+        JERK,
+        "rad/s^3",
+        'jerk limit of each joint, not used by the profile "polyline"; our choice: 5 ms from rest to the full acceleration',
+        low=1.0,
+        high=1000000.0,
+    )
+    profile: str = param("auto", "", "profile of a joint's motion, see `tt_arm.swing`", choices=PROFILES)
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+    @property
+    def ramp(self) -> float:
+        """Return the time (s) that the jerk limit adds to a leg, see `profiles`."""
+        return 0.0 if self.profile == "polyline" else 2.0 * self.acceleration / self.jerk
+
+    def of_joints(self, model: ArmModel) -> JointLimits:
+        """Return the limits that a swing of this arm keeps."""
+        return model.limits.reduced(
+            speed=self.speed_share, effort=self.torque_share, margin=self.margin, acceleration=self.acceleration, jerk=self.jerk
+        )
