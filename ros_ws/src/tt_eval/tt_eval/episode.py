@@ -8,7 +8,6 @@ tick, and meets each from where the ones before have left it.
 from __future__ import annotations
 
 import functools
-from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,6 +48,7 @@ from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
 from .arm_loop import arm_ticks
+from .failures import Causes, EpisodeFailure
 from .fast_swing import Setup, rally
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
@@ -176,9 +176,19 @@ class Episode:
         return score_from_video(self.sightings, self.trial.scenario.world.physics.air.coefficients)
 
     @property
-    def reason(self) -> str | None:
+    def reason(self) -> Failure | None:
         """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
-        return self._reason(self.outcome)
+        if self.outcome.result is Result.RETURNED:
+            return None
+        if self.measured is None:
+            refused = self.measurement.reason if self.measurement else None
+            return Failure(EpisodeFailure.MEASUREMENT_REFUSED, cause=refused) if refused else Failure(EpisodeFailure.NOT_SEEN)
+        if self.candidates is None or not self.candidates.strokes:
+            causes = [failure for _, failure in self.candidates.refused] if self.candidates else []
+            return Failure(EpisodeFailure.NO_STROKE, causes=Causes(causes or [Failure(StrokeFailure.NO_HIT_POINT)]))
+        if self.choice is None or self.choice.index is None:
+            return Failure(EpisodeFailure.NO_SWING, cause=self.choice.reasons[0] if self.choice and self.choice.reasons else "no swing")
+        return Failure(EpisodeFailure.NOT_RETURNED, result=self.outcome.result)
 
     @property
     def miss(self) -> Miss | None:
@@ -190,34 +200,20 @@ class Episode:
         """The kind of failure by the wide cameras, and by what the robot reports."""
         return self._miss(self.judged)
 
-    def _reason(self, outcome: Outcome) -> str | None:
-        if outcome.result is Result.RETURNED:
-            return None
-        if self.measured is None:
-            return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
-        if self.candidates is None or not self.candidates.strokes:
-            refused = {str(failure) for _, failure in self.candidates.refused} if self.candidates else set()
-            return f"no stroke: {'; '.join(sorted(refused)) or StrokeFailure.NO_HIT_POINT.value}"
-        if self.choice is None or self.choice.index is None:
-            return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
-        return outcome.result
-
     def _miss(self, outcome: Outcome) -> Miss | None:
-        reason = self._reason(outcome)
-        if reason is None:
+        """Return the kind of failure of this episode if the ball had that outcome."""
+        if outcome.result is Result.RETURNED:
             return None
         if self.measured is None:
             return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
         if self.candidates is None or not self.candidates.strokes:
-            slow = (
-                Counter(failure.code is StrokeFailure.RACKET_TOO_FAST for _, failure in self.candidates.refused) if self.candidates else {}
-            )
-            return Miss.RACKET_TOO_SLOW if slow.get(True, 0) > slow.get(False, 0) else Miss.OUT_OF_REACH
+            codes = [failure.code for _, failure in self.candidates.refused] if self.candidates else []
+            return Miss.RACKET_TOO_SLOW if 2 * codes.count(StrokeFailure.RACKET_TOO_FAST) > len(codes) else Miss.OUT_OF_REACH
         if self.choice is None or self.choice.index is None:
-            codes = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
-            if not codes or SwingFailure.TOO_SOON in codes:
+            refused = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
+            if not refused or SwingFailure.TOO_SOON in refused:
                 return Miss.TOO_LATE
-            return Miss.RACKET_TOO_SLOW if codes & ARM_TOO_SLOW else Miss.OUT_OF_REACH
+            return Miss.RACKET_TOO_SLOW if refused & ARM_TOO_SLOW else Miss.OUT_OF_REACH
         return self._beyond(outcome) if outcome.result is Result.OFF_TABLE else OF_RESULT[outcome.result]
 
     def _beyond(self, outcome: Outcome) -> Miss:
