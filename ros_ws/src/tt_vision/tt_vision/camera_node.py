@@ -26,7 +26,6 @@ from .capture.devices import DeviceCounts, DeviceParams
 from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
 from .rig import SIDES, high_speed_pair
 
-
 MATCHING = 0.3  # s, from the discovery of a subscriber until it has discovered the publisher, too
 
 
