@@ -5,7 +5,10 @@ from tt_arm.swing import SwingFailure
 from tt_core.errors import BadChoice, OutOfRange
 from tt_core.states import ReturnGoal
 from tt_eval.episode import landing_error, play, spin_error
+from tt_eval.failures import EpisodeFailure
+from tt_eval.miss import Miss
 from tt_eval.scenario import Robot, Scenario
+from tt_racket.failures import StrokeFailure
 from tt_racket.intercept import InterceptParams
 from tt_sim.world.outcome import Result
 
@@ -33,24 +36,25 @@ def test_a_goal_is_asked_for():
 
 
 @pytest.mark.parametrize(
-    ("changes", "reason"),
+    ("window", "code", "miss"),
     [
-        ({"robot": Robot(intercept=InterceptParams(z_low=2.0, z_high=3.0))}, "no stroke: the ball does not come within reach"),
-        ({"robot": Robot(intercept=InterceptParams(racket_speed=0.1))}, "no stroke: racket speed"),
+        (InterceptParams(z_low=2.0, z_high=3.0), StrokeFailure.NO_HIT_POINT, Miss.OUT_OF_REACH),
+        (InterceptParams(racket_speed=0.1), StrokeFailure.RACKET_TOO_FAST, Miss.RACKET_TOO_SLOW),
     ],
 )
-def test_a_failure_has_its_reason(changes, reason):
-    episode = play(Scenario("top", 4, **changes), seed=0)
-    assert episode.reason.startswith(reason)
-    assert episode.outcome.result is not Result.RETURNED
+def test_a_failure_has_its_reason(window, code, miss):
+    episode = play(Scenario("top", 4, robot=Robot(intercept=window)), seed=0)
+    assert episode.reason.code is EpisodeFailure.NO_STROKE
+    assert code in {failure.code for failure in episode.reason.values["causes"]}
+    assert episode.outcome.result is not Result.RETURNED and episode.miss is miss
 
 
 @pytest.mark.parametrize("latency", [0.4, 1.5])
 def test_an_arm_that_is_told_too_late_has_its_reason(latency):
     episode = play(Scenario("top", 4, robot=Robot(latency=latency)), seed=0)
-    assert episode.choice.reasons[0].failure.code is SwingFailure.TOO_SOON
-    assert episode.miss == "too late"
-    assert episode.outcome.result != "returned"
+    assert episode.reason.code is EpisodeFailure.NO_SWING
+    assert episode.reason.values["cause"].failure.code is SwingFailure.TOO_SOON
+    assert episode.miss is Miss.TOO_LATE and episode.outcome.result is Result.MISSED
 
 
 def test_a_scenario_that_cannot_be_is_refused():

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_eval import rallies
@@ -26,8 +25,9 @@ def test_both_ways_are_turned_to_fly_to_the_robot(tmp_path):
     one, other = rallies.load(file)
     assert one.vector == pytest.approx([2.37, 0.6625, 0.3, -5.0, -0.5, 0.0, 0.0, -60.0, 0.0])
     assert other.vector == pytest.approx(one.vector)
-    with pytest.raises(TtError, match="holds no shots"):
+    with pytest.raises(rallies.NoShots) as error:
         rallies.load(tmp_path / "none.json")
+    assert error.value.file == tmp_path / "none.json"
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,11 @@ import time
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from tt_core.errors import TtError
 from tt_eval import rallies
 from tt_eval.evaluate import JUDGE, Sweep, judge_errors, returns
 from tt_eval.evaluate import main as evaluate
 from tt_eval.scenario import load
-from tt_eval.sweep import part, sweep
+from tt_eval.sweep import NoScheduler, OtherSweep, part, sweep
 
 SCENARIO = load("liu", images=False)
 BALLS = 24
@@ -51,8 +50,9 @@ def test_an_interrupted_sweep_goes_on_where_it_was(whole, tmp_path):
     process.wait()
     first = next(iter(sorted(parts.glob("*.parquet"))))
     assert str(pq.read_table(first).slice(0, BALLS).to_pylist()) == str(whole.to_pylist())
-    with pytest.raises(TtError, match="holds parts of another sweep"):
+    with pytest.raises(OtherSweep) as error:
         sweep(SCENARIO, BALLS, out)
+    assert error.value.folder == parts
 
 
 def test_what_is_done_is_not_done_again(tmp_path, monkeypatch, whole):
@@ -105,8 +105,9 @@ def test_a_wrong_call_is_refused_before_anything_starts(tmp_path):
     told = subprocess.run([*command, str(bad), "--out", str(tmp_path / "run.parquet")], capture_output=True, text=True, env=os.environ)
     assert told.returncode == 2 and "bad.yaml: launcher.rate: " in told.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["bad.yaml"]
-    with pytest.raises(TtError, match="no Dask scheduler at"):
+    with pytest.raises(NoScheduler) as error:
         sweep(SCENARIO, 1, tmp_path / "run.parquet", scheduler="tcp://127.0.0.1:1")
+    assert error.value.address == "tcp://127.0.0.1:1"
 
 
 def test_an_evaluation_is_a_table_and_a_page(whole, tmp_path, monkeypatch, capsys):
@@ -147,7 +148,7 @@ def test_a_file_that_is_no_sweep_is_refused(tmp_path, whole, monkeypatch, capsys
 def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, monkeypatch):
     monkeypatch.delenv("TT_DATA_DIR", raising=False)
     rallies.shots.cache_clear()
-    with pytest.raises(TtError, match="TT_DATA_DIR names no folder"):
+    with pytest.raises(rallies.NoShots):
         sweep(load("rallies", images=False), 10, tmp_path / "run.parquet")
     assert not list(tmp_path.iterdir())
 

@@ -222,9 +222,9 @@ def test_killed_and_started_again_it_works_at_once(start, probe, until):
 
 def test_bad_parameters_end_it_with_the_reason(start):
     for parameter, words in (
-        ("shots:=['smash 3']", "kind 'smash' is none of"),
-        ("rtf:=0.0", "rtf = 0 is outside [0.01, 10]"),
-        ("world:=mars", "mars: no such file, and none of the worlds here"),
+        ("shots:=['smash 3']", "kind = 'smash'"),
+        ("rtf:=0.0", "rtf = 0"),
+        ("world:=mars", "mars: "),
     ):
         node = start("tt_sim.sim_node", "--ros-args", "-p", parameter)
         assert node.wait(timeout=30) == 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from tt_core.constants import RPM
-from tt_core.errors import OutOfRange, TtError
+from tt_core.errors import BadChoice, OutOfRange
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
@@ -70,11 +70,14 @@ def test_a_seed_gives_its_ball_again():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(TtError, match="kind 'smash' is none of top, back, left, right"):
+    with pytest.raises(BadChoice) as choice:
         launch("smash", 3, LauncherParams(), np.random.default_rng(0))
-    with pytest.raises(OutOfRange, match=r"scale = 11 is outside \[1, 10\]"):
-        launch("top", 11, LauncherParams(), np.random.default_rng(0))
-    with pytest.raises(OutOfRange, match=r"rate = -3 is outside \[26, 94\]"):
-        LauncherParams(rate=-3)
-    with pytest.raises(OutOfRange, match="z = 0 is outside"):
-        LauncherParams(z=0.0)
+    assert (choice.value.name, choice.value.value, choice.value.choices) == ("kind", "smash", KINDS)
+    for make, wrong in (
+        (lambda: launch("top", 11, LauncherParams(), np.random.default_rng(0)), ("scale", 11, 1, 10)),
+        (lambda: LauncherParams(rate=-3), ("rate", -3, 26, 94)),
+        (lambda: LauncherParams(z=0.0), ("z", 0.0, 0.05, 1.5)),
+    ):
+        with pytest.raises(OutOfRange) as error:
+            make()
+        assert (error.value.name, error.value.value, error.value.low, error.value.high) == wrong

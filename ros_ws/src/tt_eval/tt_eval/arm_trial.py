@@ -1,4 +1,4 @@
-"""Strokes as they come in play, for the arm alone: no images, a ball known exactly, an arm with lag and noise."""
+"""Strokes as they come in play, for the arm alone: no images, a ball that is known exactly, an arm with lag and noise."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ class TrialFailure(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmTrial:
-    """What came of one ball.
+    """What came of one ball. NaN where no stroke was made.
 
     Attributes:
-        strokes: How many candidates there were.
-        reason: Why none was made, or None.
-        turning: rad/s, rate at which the face normal turns at the strike.
-        spare: s, from the earliest possible strike to the strike.
-        back: s, from the strike to waiting.
-        miss: m, error of the racket's position at the strike.
-        tilt: rad, error of the racket's normal at the strike.
-        room: rad, least distance to a position limit in the record of the simulated arm.
-        speed: Largest speed in that record, in speed limits.
-        acceleration: rad/s^2, largest in that record.
-        clear: m, least clearance in that record.
-        guarded: Names of the codes that the guard gave.
+        strokes: Number of candidates.
+        reason: Why none was made; None when one was.
+        turning: rad/s, of the racket's face at the strike.
+        spare: s, between the earliest possible strike and the strike.
+        back: s, from the strike to the waiting posture.
+        miss: m, distance of the racket from its place at the strike.
+        tilt: rad, angle of its normal from the wanted one at the strike.
+        room: rad, least distance of a true joint to its position limit.
+        speed: Largest speed of a true joint, in speed limits.
+        acceleration: rad/s^2, the largest of a true joint.
+        clear: m, least clearance of the true arm.
+        guarded: Names of the codes of the guard's reasons.
     """
 
     strokes: int
@@ -67,15 +67,19 @@ class ArmTrial:
 
 
 def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
-    """Return the candidates for a ball that is launched at random at 0 s; none when it does not come within reach.
+    """Return the candidates for a ball that is launched at 0 s at random.
 
     Args:
-        kind: Of the shot, see `launcher`.
-        scale: Of the catapult.
-        seed: Of all that is random.
+        kind: As of `launch`.
+        scale: As of `launch`.
+        seed: Of the launch.
+
+    Returns:
+        Rackets, best first; none when the ball does not come within reach.
 
     Raises:
-        TtError: There is no such shot.
+        BadChoice: There is no such kind.
+        OutOfRange: There is no such scale.
     """
     physics = Physics.liu()
     ball, _ = launch(kind, scale, LauncherParams(), np.random.default_rng(seed))
@@ -85,13 +89,13 @@ def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
 
 
 def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantParams, seed: int) -> ArmTrial:
-    """Play candidates with the arm: plan, make the stroke tick by tick, and return to waiting.
+    """Plan and make one stroke, tick by tick, until the arm waits again.
 
     Args:
-        model: The arm.
-        rackets: The candidates; their times are s after the launch.
-        plant_params: Of the simulated arm.
-        seed: Of the encoders' noise.
+        model: The arm, as the controller knows it.
+        rackets: Candidates, best first; their times are s after the launch.
+        plant_params: How the true arm differs.
+        seed: Of the encoders.
     """
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)

@@ -1,14 +1,13 @@
 """Balls from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
 
-With images the ball is measured from them; without, `sight` says what is measured. `swift` plays the swing; where the guard or the motors
-would have a say, the ticks are played. At a rate one arm plays a session of balls, tick by tick, and meets each from where the ones
-before have left it.
+With images the ball is measured from them; without, the sensor error model gives the measured ball. `fast_swing` plays a swing in one
+call; where the guard or a torque limit would act, the ticks are played one by one. At a rate, one arm plays a session of balls tick by
+tick, and meets each from where the ones before have left it.
 """
 
 from __future__ import annotations
 
 import functools
-from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,6 +48,7 @@ from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 
 from . import rallies
 from .arm_loop import arm_ticks
+from .failures import Causes, EpisodeFailure
 from .fast_swing import Setup, rally
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
@@ -61,7 +61,19 @@ TEXTURES = 20  # balls that are marked differently
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What is drawn before anything is played. cameras: where they really stand, for which the robot has them calibrated."""
+    """What is drawn at random before anything is played.
+
+    Attributes:
+        scenario: What is played.
+        seed: Number of the ball.
+        kind: Of the launcher, or the scenario's `shots`.
+        scale: Of the launcher, or 0.
+        ball: At its launch.
+        orientation: (3, 3) ball to `table` then.
+        physics: Of this ball.
+        cameras: Where they stand; the robot knows it exactly.
+        rng: Of all that is drawn later.
+    """
 
     scenario: Scenario
     seed: int
@@ -75,7 +87,16 @@ class Trial:
 
     @classmethod
     def drawn(cls, scenario: Scenario, seed: int, time: float = 0.0) -> Trial:
-        """Launched at `time` (s). Raises TtError for shots that are not there."""
+        """Draw a ball.
+
+        Args:
+            scenario: What is played.
+            seed: Number of the ball.
+            time: s, of the launch.
+
+        Raises:
+            NoShots: The scenario wants shots of real play, and there are none.
+        """
         rng, cameras = np.random.default_rng(seed), _cameras()
         kind, scale = scenario.shot(seed)
         if scenario.shots == "catapult":
@@ -95,7 +116,7 @@ class Trial:
         return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, rng)
 
     def seen(self) -> tuple[Measurement | None, BallState | None]:
-        """What the cameras make of the rendered ball, and the ball measured. None when it does not make a burst, or is refused."""
+        """Render and measure the ball; return the measurement, None without a burst, and the measured ball, None if it is refused."""
         scene, assembler = Scene(texture=_texture(self.seed % TEXTURES)), Assembler()
         frames = camera_sequence(self.ball, self.orientation, self.cameras, scene, self.physics, self.rng)
         for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
@@ -106,19 +127,30 @@ class Trial:
         return None, None
 
     def guessed(self) -> BallState | None:
-        """What the cameras would make of it, by the error model of their world."""
+        """Return the measured ball by the sensor error model of the world; None if it would not be measured."""
         world, time = self.scenario.world, last_frame(self.ball, self.cameras, self.physics)
-        sight = SensorErrorModel.load(world.sensor_error_model)
-        if time is None or self.rng.uniform() < sight.refused:
+        model = SensorErrorModel.load(world.sensor_error_model)
+        if time is None or self.rng.uniform() < model.refused:
             return None
         true = fly(self.ball.vector, time - self.ball.time, self.physics.air.coefficients)
-        return sight.measured(BallState.from_vector(time + world.cameras.clock_offset, true), self.rng)
+        return model.measured(BallState.from_vector(time + world.cameras.clock_offset, true), self.rng)
 
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """Everything that happened, as far as it came. measured: the ball as the robot has it, None when it has none. measurement: of images.
-    joints: (n, 15) time s, q rad, qdot rad/s of every tick, at a rate from its launch on."""
+    """Everything that happened to one ball, as far as it came; None for stages that were not reached.
+
+    Attributes:
+        trial: What was drawn before.
+        outcome: What became of the ball.
+        goal: What was asked of the return.
+        measurement: Of rendered images.
+        measured: The ball as the robot has measured it.
+        path: As the robot has predicted it.
+        candidates: Strokes.
+        choice: What the arm made of them.
+        joints: (n, 15) time (s), q (rad) and qdot (rad/s) of every tick; at a rate, from the ball's launch on.
+    """
 
     trial: Trial
     outcome: Outcome
@@ -132,7 +164,7 @@ class Episode:
 
     @functools.cached_property
     def sightings(self) -> Sightings:
-        """What two wide cameras saw of it."""
+        """What two wide cameras saw of the ball."""
         trial = self.trial
         return Sightings.of(
             self.outcome, trial.physics.air.coefficients, trial.scenario.world.tracking_cameras, np.random.default_rng([trial.seed, 1])
@@ -140,13 +172,23 @@ class Episode:
 
     @functools.cached_property
     def judged(self) -> Outcome:
-        """What became of the ball by those cameras alone, their evaluator knowing the air of this world, but not that of this ball."""
+        """What became of the ball by those cameras alone; their evaluator knows the mean air of this world, not that of this ball."""
         return score_from_video(self.sightings, self.trial.scenario.world.physics.air.coefficients)
 
     @property
-    def reason(self) -> str | None:
+    def reason(self) -> Failure | None:
         """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
-        return self._reason(self.outcome)
+        if self.outcome.result is Result.RETURNED:
+            return None
+        if self.measured is None:
+            refused = self.measurement.reason if self.measurement else None
+            return Failure(EpisodeFailure.MEASUREMENT_REFUSED, cause=refused) if refused else Failure(EpisodeFailure.NOT_SEEN)
+        if self.candidates is None or not self.candidates.strokes:
+            causes = [failure for _, failure in self.candidates.refused] if self.candidates else []
+            return Failure(EpisodeFailure.NO_STROKE, causes=Causes(causes or [Failure(StrokeFailure.NO_HIT_POINT)]))
+        if self.choice is None or self.choice.index is None:
+            return Failure(EpisodeFailure.NO_SWING, cause=self.choice.reasons[0] if self.choice and self.choice.reasons else "no swing")
+        return Failure(EpisodeFailure.NOT_RETURNED, result=self.outcome.result)
 
     @property
     def miss(self) -> Miss | None:
@@ -155,41 +197,27 @@ class Episode:
 
     @property
     def judged_miss(self) -> Miss | None:
-        """The same by the wide cameras, and by what the robot tells of itself."""
+        """The kind of failure by the wide cameras, and by what the robot reports."""
         return self._miss(self.judged)
 
-    def _reason(self, outcome: Outcome) -> str | None:
-        if outcome.result is Result.RETURNED:
-            return None
-        if self.measured is None:
-            return f"measurement refused: {self.measurement.reason}" if self.measurement else "not seen"
-        if self.candidates is None or not self.candidates.strokes:
-            refused = {str(failure) for _, failure in self.candidates.refused} if self.candidates else set()
-            return f"no stroke: {'; '.join(sorted(refused)) or StrokeFailure.NO_HIT_POINT.value}"
-        if self.choice is None or self.choice.index is None:
-            return f"arm: {self.choice.reasons[0] if self.choice and self.choice.reasons else 'no swing'}"
-        return outcome.result
-
     def _miss(self, outcome: Outcome) -> Miss | None:
-        reason = self._reason(outcome)
-        if reason is None:
+        """Return the kind of failure of this episode if the ball had that outcome."""
+        if outcome.result is Result.RETURNED:
             return None
         if self.measured is None:
             return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
         if self.candidates is None or not self.candidates.strokes:
-            slow = (
-                Counter(failure.code is StrokeFailure.RACKET_TOO_FAST for _, failure in self.candidates.refused) if self.candidates else {}
-            )
-            return Miss.RACKET_TOO_SLOW if slow.get(True, 0) > slow.get(False, 0) else Miss.OUT_OF_REACH
+            codes = [failure.code for _, failure in self.candidates.refused] if self.candidates else []
+            return Miss.RACKET_TOO_SLOW if 2 * codes.count(StrokeFailure.RACKET_TOO_FAST) > len(codes) else Miss.OUT_OF_REACH
         if self.choice is None or self.choice.index is None:
-            codes = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
-            if not codes or SwingFailure.TOO_SOON in codes:
+            refused = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
+            if not refused or SwingFailure.TOO_SOON in refused:
                 return Miss.TOO_LATE
-            return Miss.RACKET_TOO_SLOW if codes & ARM_TOO_SLOW else Miss.OUT_OF_REACH
+            return Miss.RACKET_TOO_SLOW if refused & ARM_TOO_SLOW else Miss.OUT_OF_REACH
         return self._beyond(outcome) if outcome.result is Result.OFF_TABLE else OF_RESULT[outcome.result]
 
     def _beyond(self, outcome: Outcome) -> Miss:
-        """Long or wide: where a ball that went past the table came down to its height."""
+        """Return LONG or WIDE, by where a ball that passed the table fell to its height."""
         landing = outcome.landing
         if landing is None:
             return Miss.LONG
@@ -219,18 +247,18 @@ def _arm() -> ArmModel:
 
 @functools.cache
 def _rest() -> Swing:
-    """What the arm follows while it waits, from 0 s on."""
+    """Return what the arm follows while it waits, from 0 s on."""
     return plan_swing(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
 
 
 def _aimed(camera: Camera, ball: BallState) -> Camera:
-    """Moved along to where the ball is after the first frames, as cameras that follow the opponent's racket would be."""
+    """Return the camera moved to where the ball is after the first frames, as if it followed the opponent's racket; lamps stay."""
     shift = ball.position + 0.008 * ball.velocity - VIEW_CENTRE
     return replace(camera, translation=camera.translation - camera.rotation @ shift)
 
 
 def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
-    """The strokes of that robot: `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
+    """Return the strokes of a robot: those of `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
     if robot.stroke == "exact":
         return intercept(path, goal, robot.physics, robot.intercept)
     found, refused = list[Stroke](), list[tuple[BallState, Failure]]()
@@ -252,7 +280,11 @@ def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What the robot makes of a ball before its arm comes in. due: s, when the strokes are at the arm, inf for none."""
+    """What the robot plans for a ball before the arm plans its swing; fields as those of Episode.
+
+    Attributes:
+        due: s, when the strokes are at the arm; inf without strokes.
+    """
 
     measurement: Measurement | None = None
     measured: BallState | None = None
@@ -263,6 +295,7 @@ class Plan:
 
     @classmethod
     def of(cls, trial: Trial) -> Plan:
+        """Measure, predict and solve for the strokes."""
         scenario, robot, cameras = trial.scenario, trial.scenario.robot, trial.scenario.world.cameras
         measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
         if measured is None:
@@ -275,12 +308,20 @@ class Plan:
 
     @property
     def rackets(self) -> list[RacketState]:
-        """The strokes, best first."""
+        """The rackets of the strokes, best first."""
         return [stroke.racket for stroke in self.candidates.strokes if stroke.racket] if self.candidates else []
 
 
 def play(scenario: Scenario, seed: int) -> Episode:
-    """The whole rally of one ball, at a rate with the session that it is of. Raises TtError for a scenario that cannot be played."""
+    """Play one ball from launch to landing; at a rate, the whole session that it belongs to.
+
+    Args:
+        scenario: What is played.
+        seed: Number of the ball; the same seed gives the same episode.
+
+    Raises:
+        NoShots: The scenario wants shots of real play, and there are none.
+    """
     if scenario.balls > 1:
         return session(scenario, seed // scenario.balls)[seed % scenario.balls]
     trial = Trial.drawn(scenario, seed)
@@ -290,7 +331,7 @@ def play(scenario: Scenario, seed: int) -> Episode:
 
 
 def session(scenario: Scenario, number: int) -> list[Episode]:
-    """The balls of one session, launched at the scenario's rate, met by one arm; number: counts sessions from 0."""
+    """Play the balls of one session, launched at the scenario's rate and met by one arm; number: counts sessions from 0."""
     first, period = number * scenario.balls, 60.0 / scenario.launcher.rate if scenario.launcher.rate else 0.0
     trials = [Trial.drawn(scenario, first + i, i * period) for i in range(scenario.balls)]
     plans = [Plan.of(trial) for trial in trials]
@@ -312,7 +353,7 @@ Played = tuple[Outcome, "StrokeSelection | None", Array]
 
 
 def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
-    """None when the ticks must be played."""
+    """Play the ball with the swing in one call; None when the ticks must be played."""
     tick, choice, time = trial.scenario.tick, None, 0.0
     if plan.candidates is not None and plan.due < LONGEST:
         time = tick * np.ceil(plan.due / tick)
@@ -328,7 +369,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
 
 
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
-    """The balls in the order of their launches, until nothing more happens to any. rng: of the encoders."""
+    """Play balls in the order of their launches, until nothing more happens to any; rng: of the encoders."""
     tick_time, model = trials[0].scenario.tick, control.model
     robot = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
     outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
@@ -360,7 +401,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
 
 
 def landing_error(episode: Episode) -> float | None:
-    """m, from the asked landing place to the reached one; None when the ball did not come to the table."""
+    """Return the distance (m) from the asked landing place to the reached one; None when the ball did not land on the table."""
     landing, goal = episode.outcome.landing, episode.goal
     if landing is None or goal is None or landing.surface is not Surface.TABLE:
         return None
@@ -368,13 +409,13 @@ def landing_error(episode: Episode) -> float | None:
 
 
 def truth(episode: Episode, stamp: float) -> Array:
-    """(9,) the launched ball at a stamp (s) of its cameras, while it is in their view."""
+    """Return the true ball (9,) at a stamp (s) of its cameras, while it is in their view."""
     trial, time = episode.trial, stamp - episode.trial.scenario.world.cameras.clock_offset
     return np.asarray(fly(trial.ball.vector, time - trial.ball.time, trial.physics.air.coefficients))
 
 
 def spin_error(episode: Episode) -> float | None:
-    """rad/s, of the measured spin vector against the true one at the same instant; None without a measurement."""
+    """Return the length (rad/s) of the difference of measured and true spin at the same instant; None without a measurement."""
     if episode.measured is None:
         return None
     return float(np.linalg.norm(truth(episode, episode.measured.time)[6:] - episode.measured.spin))

@@ -1,9 +1,8 @@
-"""What sweeps came to: tables, and a page of figures. ros2 run tt_eval evaluate liu.parquet real.parquet --page out.html."""
+"""Evaluate sweeps: tables, and a page of figures. ros2 run tt_eval evaluate liu.parquet real.parquet --page out.html."""
 
 from __future__ import annotations
 
 import argparse
-import html
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 import pyarrow.parquet as pq
+import rich.table
 from plotly.subplots import make_subplots
 from pyarrow import ArrowException
 from rich.console import Console
-from rich.table import Table
 from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
 from tt_core.states import Array
@@ -25,6 +24,7 @@ from tt_vision.camera import triangulate
 
 from .episode import Episode, play
 from .miss import Miss
+from .page import Section, Table, html_page
 from .scenario import load
 from .sweep_metrics import NUMBERS, TEXTS
 
@@ -44,8 +44,14 @@ BLUE, RED, GREEN, GREY = "#1b5e9b", "#c0392b", "#2d8a4e", "#444"
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """name: of the scenario. numbers: by column. misses, judged: why each ball did not come back, None for a return, in truth and by the
-    wide cameras."""
+    """The rows of a sweep.
+
+    Attributes:
+        name: Of the scenario.
+        numbers: By column of NUMBERS.
+        misses: Why each ball did not come back, in truth; None for a return.
+        judged: The same by the wide cameras.
+    """
 
     name: str
     numbers: dict[str, Array]
@@ -54,7 +60,11 @@ class Sweep:
 
     @classmethod
     def read(cls, file: Path) -> Sweep:
-        """Raises TtError for a file that is none of `ros2 run tt_eval sweep`."""
+        """Read the file of a sweep.
+
+        Raises:
+            TtError: It is no file of `ros2 run tt_eval sweep`.
+        """
         try:
             table = pq.read_table(file)
         except (ArrowException, OSError) as error:
@@ -68,13 +78,13 @@ class Sweep:
 
 
 def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:
-    """Median and 95 % of the absolute values that are there, times `scale`; NaN without any."""
+    """Return median and 95 % percentile of the absolute values that are finite, times `scale`; NaN without any."""
     there = np.abs(values[np.isfinite(values)]) * scale
     return (float(np.median(there)), float(np.percentile(there, 95))) if len(there) else (float("nan"), float("nan"))
 
 
 def why(misses: Sequence[Miss | None]) -> dict[Miss, int]:
-    """How often each kind of miss, the frequent first."""
+    """Return how often each kind of miss occurs, the most frequent first."""
     counts = {miss: list(misses).count(miss) for miss in Miss}
     return {miss: n for miss, n in sorted(counts.items(), key=lambda item: -item[1]) if n}
 
@@ -84,7 +94,7 @@ def _cell(value: float, digits: int = 1) -> str:
 
 
 def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str = "") -> list[str]:
-    """The cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras tell."""
+    """Return the cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras show."""
     shares = [100.0 * float(numbers[f"{who}{name}"].mean()) for name in ("hit", "landed")]
     errors = (("landing_error", 100.0), ("time_error", 1e3), ("return_spin_error", 1.0))
     cells = [_cell(v) for v in (*shares, *(v for name, scale in errors for v in percentiles(numbers[f"{who}{name}"], scale)))]
@@ -92,7 +102,7 @@ def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str =
 
 
 def judge_errors(sweep: Sweep) -> list[str]:
-    """The cells of JUDGE: judged minus true, mean and standard deviation over the balls that came back in both."""
+    """Return the cells of JUDGE: judged minus true, mean and standard deviation over the balls that came back in both."""
     cells = []
     for name, scale in (("landing_x", 1e3), ("landing_y", 1e3), ("flight_time", 1e3), ("spin_y", 1.0), ("spin_z", 1.0)):
         off = scale * (sweep.numbers[f"judged_{name}"] - sweep.numbers[name])
@@ -102,7 +112,7 @@ def judge_errors(sweep: Sweep) -> list[str]:
 
 
 def robot(numbers: dict[str, Array]) -> list[str]:
-    """The cells of ROBOT."""
+    """Return the cells of ROBOT."""
     seen = numbers["seen"] == 1.0
     speed, axis = np.abs(numbers["measured_speed_error_rpm"][seen]) < 200.0, numbers["measured_axis_error_deg"][seen] < AXIS
     shares = [100.0 * float(np.mean(right)) if len(right) else float("nan") for right in (speed, axis)]
@@ -110,23 +120,20 @@ def robot(numbers: dict[str, Array]) -> list[str]:
     return [*(_cell(v) for v in (100.0 * float(seen.mean()), *spin, *shares)), _cell(back, 2)]
 
 
-Rows = list[tuple[str, ...]]  # of a table, its heads first
-
-
-def tables(sweeps: Sequence[Sweep]) -> dict[str, Rows]:
-    """By title: the rows of each, a column or two for each sweep."""
+def tables(sweeps: Sequence[Sweep]) -> list[Table]:
+    """Return the tables, with one or two columns for each sweep."""
     heads = [head for sweep in sweeps for head in (sweep.name, "as judged")]
     cells = [c for s in sweeps for c in (returns(s.numbers, s.misses), returns(s.numbers, s.judged, "judged_"))]
     names = ("", *(sweep.name for sweep in sweeps))
-    return {
-        "Returns: the truth, and as judged by two wide cameras": [("", *heads), *zip(RETURNS, *cells, strict=True)],
-        "The judge's own error: mean ± standard deviation": [names, *zip(JUDGE, *map(judge_errors, sweeps), strict=True)],
-        "Measurement and arm": [names, *zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)],
-    }
+    return [
+        Table(("", *heads), list(zip(RETURNS, *cells, strict=True)), "Returns: the truth, and as judged by two wide cameras"),
+        Table(names, list(zip(JUDGE, *map(judge_errors, sweeps), strict=True)), "The judge's own error: mean ± standard deviation"),
+        Table(names, list(zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)), "Measurement and arm"),
+    ]
 
 
 def _field(figure: go.Figure, height: float | None = None, **where: int) -> None:
-    """Draws the table and its net, from above, or from the side up to `height` (m, of the net)."""
+    """Draw the table and its net from above, or from the side with a net of `height` (m)."""
     low, high = (0.0, TABLE_WIDTH) if height is None else (0.0, height)
     line = {"color": GREY}
     figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=low, y1=high if height is None else 0.0, line={"color": BLUE}, **where)
@@ -134,7 +141,7 @@ def _field(figure: go.Figure, height: float | None = None, **where: int) -> None
 
 
 def scatter(numbers: dict[str, Array]) -> go.Figure:
-    """Where returns land on the table, in truth and as judged."""
+    """Draw where returns land on the table, in truth and as judged."""
     figure = go.Figure()
     _field(figure)
     for name, who, colour in (("true", "", BLUE), ("judged", "judged_", RED)):
@@ -148,7 +155,7 @@ def scatter(numbers: dict[str, Array]) -> go.Figure:
 
 
 def causes(numbers: dict[str, Array]) -> go.Figure:
-    """Errors of the landing and of the measured spin against spin and speed of the launched ball."""
+    """Draw the errors of landing and measured spin against spin and speed of the launched ball."""
     errors = (("landing_error", 100.0, "landing off, cm"), ("measured_spin_error_rpm", 1.0, "measured spin off, rpm"))
     there = [error for error in errors if np.isfinite(numbers[error[0]]).any()]
     figure = make_subplots(rows=max(1, len(there)), cols=2, shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.06)
@@ -167,7 +174,7 @@ def causes(numbers: dict[str, Array]) -> go.Figure:
 
 
 def judged_off(numbers: dict[str, Array]) -> go.Figure:
-    """The judge's own error, ball by ball: landing place, flight time, spin."""
+    """Draw the judge's own error, ball by ball: landing place, flight time, spin."""
     titles = ("landing place, mm", "flight time, ms", "spin about y and z, rad/s")
     figure = make_subplots(rows=1, cols=3, subplot_titles=titles)
     off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
@@ -180,6 +187,7 @@ def judged_off(numbers: dict[str, Array]) -> go.Figure:
 
 
 def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.Figure:
+    """Draw how often balls were missed for each reason, in truth and as judged."""
     true, told = why(misses), why(judged)
     names = [*true, *(name for name in told if name not in true)]
     figure = go.Figure()
@@ -192,8 +200,10 @@ def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.
 
 
 def one_ball(episode: Episode) -> go.Figure:
-    """As dissertation Figures 4.7 to 4.10: the ball from the side and from above, and its returning way over time. Dots: as the wide
-    cameras saw it; lines: as the judge fits it; what was asked: grey in place, green in time."""
+    """Draw one ball as dissertation Figures 4.7 to 4.10 do: from the side, from above, and the return over time.
+
+    Dots are where the wide cameras saw it, red lines are the fitted flights; what was asked is grey in place and green in time.
+    """
     titles = ("from the side", "from above", "x after the hit", "y after the hit", "z after the hit")
     places = [{"colspan": 3}, None, None]
     figure = make_subplots(rows=3, cols=3, specs=[places, places, [{}, {}, {}]], subplot_titles=titles, vertical_spacing=0.09)
@@ -227,7 +237,7 @@ def one_ball(episode: Episode) -> go.Figure:
 
 
 def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
-    """(n, 4) time s and place m of the ball from launch to landing, every `step` s and at contacts. air: coefficients."""
+    """Return (n, 4) time (s) and place (m) of a ball from launch to landing, every `step` s and at contacts; air: coefficients."""
     start = outcome.launched.time
     end = outcome.landing.before.time if outcome.landing else outcome.followed_until(start + 1.0)
     contacts = [contact.before.time for contact in outcome.contacts if contact.before.time < end]
@@ -235,41 +245,23 @@ def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
     return np.column_stack([times, outcome.places(times, air)])
 
 
-STYLE = """
-body { font: 15px sans-serif; max-width: 1100px; margin: 2em auto; color: #222 }
-table { border-collapse: collapse; margin-bottom: 1.5em }
-td, th { padding: .25em .8em; text-align: left; vertical-align: top; border-bottom: 1px solid #ddd }
-td:first-child { color: #555; white-space: nowrap }
-h2 { border-bottom: 2px solid #1b5e9b; padding-bottom: .2em; margin-top: 2em }
-"""
-
-
 def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
-    """One HTML page that needs no network."""
-    parts = []
-    for title, (head, *rows) in tables(sweeps).items():
-        lines = [_line("th", head), *(_line("td", row) for row in rows)]
-        parts.append(f"<h3>{html.escape(title)}</h3><table>{''.join(lines)}</table>")
-    sections = [("One ball", [one_ball(ball)])] if ball is not None else []
+    """Return tables and figures of sweeps, and one ball, as an HTML page."""
+    sections = [Section("", tables(sweeps))]
+    if ball is not None:
+        sections.append(Section("One ball", figures=[one_ball(ball)]))
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
         figures = [scatter(shown), causes(shown), judged_off(shown)] if landed else [causes(shown)]
-        sections.append((s.name, [*figures, reasons(s.misses, s.judged)]))
-    first = True
-    for name, figures in sections:
-        parts.append(f"<h2>{html.escape(name)}</h2>")
-        for figure in figures:
+        sections.append(Section(s.name, figures=[*figures, reasons(s.misses, s.judged)]))
+    for section in sections:
+        for figure in section.figures:
             figure.update_layout(template="plotly_white", legend={"itemsizing": "constant"})
-            parts.append(figure.to_html(full_html=False, include_plotlyjs=first))
-            first = False
-    return f"<!doctype html><meta charset=utf-8><title>Rallies</title><style>{STYLE}</style><h1>Rallies</h1>{''.join(parts)}"
-
-
-def _line(tag: str, cells: Sequence[str]) -> str:
-    return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+    return html_page("Rallies", sections)
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+", help="of `ros2 run tt_eval sweep`")
     parser.add_argument("--page", type=Path, metavar="FILE", help="figures, as HTML")
@@ -282,11 +274,11 @@ def main() -> None:
     except TtError as error:
         print(f"evaluate: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    for title, (head, *rows) in tables(sweeps).items():
-        table = Table(*head, title=title, title_justify="left")
-        for row in rows:
-            table.add_row(*row)
-        Console().print(table)
+    for table in tables(sweeps):
+        printed = rich.table.Table(*table.head, title=table.title, title_justify="left")
+        for row in table.rows:
+            printed.add_row(*row)
+        Console().print(printed)
     if args.page:
         args.page.write_text(page(sweeps, ball))
         print(args.page)

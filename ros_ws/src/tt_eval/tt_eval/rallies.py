@@ -1,4 +1,4 @@
-"""Balls as opponents really play them, from the recorded states of data/deepmind (CC-BY 4.0, (c) 2025 Google LLC)."""
+"""Shots of real play, from the recorded states of data/deepmind (CC-BY 4.0, (c) 2025 Google LLC)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,36 @@ from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.intercept import InterceptParams, hit_points
 
-SOONEST = 0.35  # s from the shot until the ball may be hit: frames, thought and the shortest swing
+SOONEST = 0.35  # s from the shot until the ball may be hit: frames, planning and the shortest swing
+
+
+class NoShots(TtError):
+    """Recorded shots that cannot be read.
+
+    Attributes:
+        file: The file; None when no folder of data is named.
+    """
+
+    def __init__(self, file: Path | None, why: str) -> None:
+        """Keep the file."""
+        super().__init__(f"{file} holds no shots: {why}" if file else why)
+        self.file = file
 
 
 def load(file: Path) -> list[BallState]:
-    """All shots of a file at time 0, each turned so that it flies to -x.
+    """Read all shots of a file, each at time 0 and turned so that it flies to -x.
 
-    The file has its origin at the middle of the table's surface, x across, y along, z up: x = 1.37 + Y, y = 0.7625 - X in `table`; shots
-    the other way are turned half round. Raises TtError for a file that cannot be read.
+    The file has its origin at the middle of the table's surface, x across, y along, z up: in `table`, x = 1.37 + Y and y = 0.7625 - X.
+    Shots in the other direction are turned by half a turn about z.
+
+    Raises:
+        NoShots: The file cannot be read.
     """
     try:
         rows = json.loads(file.read_text())
         table = np.array([[row[k] for k in _KEYS] for row in rows], dtype=float)
     except (OSError, ValueError, KeyError) as error:
-        raise TtError(f"{file} holds no shots: {error}") from error
+        raise NoShots(file, str(error)) from error
     x, y, z = table.reshape(-1, 3, 3).transpose(2, 0, 1)
     states = np.stack([y, -x, z], axis=-1)  # (n, 3 of position, velocity, spin, 3)
     states[states[:, 1, 0] > 0.0, :, :2] *= -1.0
@@ -41,8 +57,14 @@ _KEYS = [f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"]
 
 
 def within_reach(ball: BallState, physics: Physics) -> bool:
-    """Whether an arm on a base could be asked to return it: it bounces once, on the robot's half, and comes through the window in which
-    strokes are looked for, not sooner than SOONEST."""
+    """Return whether an arm on a base could be asked to return a ball.
+
+    It must bounce once, on the robot's half, and pass through the window of strokes, not sooner than SOONEST.
+
+    Args:
+        ball: At the shot.
+        physics: Of the ball.
+    """
     path = rollout(ball, physics, StopRule.at_x(path_end(InterceptParams.x_low)))
     points = hit_points(path, InterceptParams())
     return bool(points) and path.bounces[0].position[0] < TABLE_LENGTH / 2 and points[-1].time >= SOONEST
@@ -50,9 +72,13 @@ def within_reach(ball: BallState, physics: Physics) -> bool:
 
 @functools.cache
 def shots() -> tuple[BallState, ...]:
-    """Those within reach of data/deepmind/rallies.json. Raises TtError without the folder TT_DATA_DIR."""
+    """Return the shots of deepmind/rallies.json in the folder TT_DATA_DIR that are within reach.
+
+    Raises:
+        NoShots: The environment variable is not set, or the file cannot be read.
+    """
     folder = os.environ.get("TT_DATA_DIR")
     if not folder:
-        raise TtError("TT_DATA_DIR names no folder with deepmind/rallies.json")
+        raise NoShots(None, "TT_DATA_DIR names no folder with deepmind/rallies.json")
     physics = Physics.measured()
     return tuple(ball for ball in load(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics))

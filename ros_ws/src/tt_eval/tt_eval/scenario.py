@@ -1,7 +1,7 @@
-"""What is played, read from YAML: a world, which is true, a robot, which believes, and the shots. Each is a file of its own.
+"""What is played, read from YAML: the world, which is true, the robot, with its models and methods, and the shots.
 
-A scenario names its world and robot, files of `worlds/` and `robots/` here or paths beside it. Nothing is taken that is not known, and an
-error names the file and the path in it: `fast.yaml: launcher.rate: -3 is outside [26, 94]`.
+Each has a file of its own. A scenario names its world and robot: files of `worlds/` and `robots/`, or paths relative to it. Unknown keys
+are refused, and an error names file and path: `fast.yaml: launcher.rate: -3 is outside [26, 94]`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,22 @@ from tt_sim.world_file import WORLDS, WorldParams
 
 from .sensor_error_model import FASTEST
 
-SESSION = 25  # balls, 16 s at the highest rate
+SESSION = 25  # balls of a session, 16 s at the highest rate
 HOME = Path(__file__).parent
 
 
 @dataclass(frozen=True)
 class Robot:
-    """What the robot believes and how it answers; the methods are those of tt_racket and tt_arm, named there.
+    """The models of the robot and its methods.
 
-    latency: s, from the middle of the last frame's exposure to the strokes at the arm. spin: "measured", or "ignored": it is taken as none.
+    Attributes:
+        physics: Models of air, table and rubber that the robot uses.
+        stroke: Method of `tt_racket`: "exact", or the baselines "sam" (simple model of the flight) and "specular".
+        reach: Method of `tt_arm.reach`: "best" or "liu".
+        spin: "measured", or "ignored": the robot takes it as none.
+        latency: s, from the middle of the last frame's exposure to the strokes at the arm.
+        intercept: Where strokes are looked for.
+        default_goal: What is asked of returns without a goal.
     """
 
     physics: Physics = field(default_factory=Physics.liu)
@@ -41,6 +48,7 @@ class Robot:
     default_goal: GoalParams = field(default_factory=GoalParams)
 
     def __post_init__(self) -> None:
+        """Refuse values outside their range, and methods that there are not."""
         check_range("latency", self.latency, 0.0, 2.0)
         check_choice("stroke", self.stroke, ("exact", "sam", "specular"))
         check_choice("reach", self.reach, ("best", "liu"))
@@ -49,10 +57,21 @@ class Robot:
 
 @dataclass(frozen=True)
 class Scenario:
-    """kind: one of KINDS, or "mixed", all in turn. scale: of the catapult, one or several in turn. shots: "catapult", "rallies", drawn from
-    real play, "given", the `ball` itself, or "rotation", held by the rotation machine. goal: None answers the measured spin
-    (`tt_racket.goal`). session: balls that one arm meets at the launcher's rate, without a rate each ball has an arm that waits for it.
-    images: rendered and measured, or the measurement's error model instead. tick: s between two joint states.
+    """What is played.
+
+    Attributes:
+        kind: One of the launcher's KINDS, or "mixed": all in turn.
+        scale: Of the launcher, one or several in turn.
+        shots: "catapult"; "rallies": drawn from real play; "given": `ball` each time; "rotation": held by the rotation machine.
+        ball: At its launch, for "given" shots.
+        goal: Of the returns; None: that of `tt_racket.goal` for the measured spin.
+        world: What is true.
+        robot: Its models and methods.
+        launcher: Where it stands, and its rate.
+        session: Balls that one arm meets at the launcher's rate. Without a rate each ball has an arm that waits for it.
+        images: Whether images are rendered and measured; otherwise the sensor error model gives the measured ball.
+        tick: s, between two joint states.
+        name: Of the file, for tables.
     """
 
     kind: str = MIXED
@@ -69,6 +88,7 @@ class Scenario:
     name: str = field(default="", metadata=not_in_file())
 
     def __post_init__(self) -> None:
+        """Refuse what cannot be played."""
         check_range("tick", self.tick, 5e-4, 0.02)
         check_choice("sensor_error_model", self.world.sensor_error_model, tuple(names(HOME / "sensor_error_models")))
         check_choice("kind", self.kind, (*KINDS, MIXED))
@@ -90,21 +110,32 @@ class Scenario:
 
     @property
     def scales(self) -> tuple[int, ...]:
+        """The scales that are played in turn."""
         return self.scale if isinstance(self.scale, tuple) else (self.scale,)
 
     @property
     def balls(self) -> int:
-        """Of a session; 1 without a rate."""
+        """Balls of a session; 1 without a rate."""
         return (self.session or SESSION) if self.launcher.rate else 1
 
     def shot(self, seed: int) -> tuple[str, int]:
-        """Kind and scale of a trial: by turns, so that all are played equally often."""
+        """Return kind and scale of a trial; all are played in turn, equally often."""
         kind = KINDS[seed % len(KINDS)] if self.kind == MIXED else self.kind
         return kind, self.scales[seed // len(KINDS) % len(self.scales)]
 
 
 def load(name: str, robot: str | None = None, world: str | None = None, images: bool | None = None) -> Scenario:
-    """The scenario of that name here, or of that file; robot, world, images: take these instead of its own. Raises BadFile."""
+    """Read a scenario.
+
+    Args:
+        name: Of a file in `scenarios/`, without suffix, or the path of another one.
+        robot: Name or path of the robot, instead of the scenario's.
+        world: Name or path of the world, instead of the scenario's.
+        images: Whether images are rendered, instead of the scenario's choice.
+
+    Raises:
+        BadFile: A file cannot be read, or something in it is wrong.
+    """
     file = find(name, HOME / "scenarios")
     content = read(file)
     for key, other in (("robot", robot), ("world", world), ("images", images)):

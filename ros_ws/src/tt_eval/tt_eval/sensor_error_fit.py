@@ -1,4 +1,4 @@
-"""Fits the measurement's error models to rendered balls, all of `sensor_error_models/` anew: ros2 run tt_eval fit_sensor_error."""
+"""Fit the sensor error models to rendered balls, all of `sensor_error_models/` anew: ros2 run tt_eval fit_sensor_error."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from .sensor_error_model import SensorErrorModel, last_frame
 
 FEWEST = 50  # measured balls that a fit needs
 SLOW, SPUN = 3.0, 700.0  # m/s, rad/s: every other ball of a fit is slower than SLOW, down to rest; spins about any axis up to SPUN
-SCENARIOS = ("liu", "real", "harsh")  # a world of each sight
+SCENARIOS = ("liu", "real", "harsh")  # one for each sensor error model
 
 
 def drawn(scenario: Scenario, seed: int) -> Trial:
-    """A ball of the catapult, all scales by turns, and every other time one that drifts through the middle of the view or is held there."""
+    """Draw a ball of the launcher, scales in turn, and every other time one that drifts through the middle of the view or is held there."""
     number, slow = divmod(seed, 2)
     if not slow:
         return Trial.drawn(replace(scenario, scale=tuple(range(SCALES[0], SCALES[1] + 1))), number)
@@ -40,7 +40,12 @@ def drawn(scenario: Scenario, seed: int) -> Trial:
 
 
 def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
-    """Of one rendered ball: whether it passes the cameras; and error (9,), speed and spin (11,), None when it was not measured."""
+    """Render and measure one ball.
+
+    Returns:
+        Whether it gives the cameras a burst by `last_frame`; and (11,) the error of the measured state (9,), speed and spin, or None when
+        it was not measured.
+    """
     trial = drawn(scenario, seed)
     passes = last_frame(trial.ball, trial.cameras, trial.physics) is not None
     measured = trial.seen()[1] if passes else None
@@ -51,7 +56,11 @@ def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
 
 
 def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
-    """From that many rendered balls, see `drawn`, on all cores. Raises TtError when hardly any is measured."""
+    """Fit a model to that many rendered balls, see `drawn`, on all cores.
+
+    Raises:
+        TtError: Fewer than FEWEST are measured.
+    """
     with ProcessPoolExecutor() as pool:
         seen = pool.map(functools.partial(errors_seen, scenario), range(balls), chunksize=4)
         done = list(track(seen, total=balls, description="balls"))
@@ -62,6 +71,7 @@ def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="fit_sensor_error", description=__doc__)
     parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=f"whose cameras see the balls (default {', '.join(SCENARIOS)})")
     parser.add_argument("--balls", type=int, default=800, help="rendered for each fit (default 800)")

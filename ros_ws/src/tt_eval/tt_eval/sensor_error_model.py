@@ -1,9 +1,9 @@
-"""What the measurement gets wrong, without images: its errors as fitted to rendered balls, see `sensor_error_fit`.
+"""The error of the measured ball without images, as fitted to rendered balls by `sensor_error_fit`.
 
-Each of the nine errors is normal, with a variance that is the sum of four causes: none, spin (|w| / 300 rad/s)^2, speed s^2 and blur s^4
-with s = |v| / 5 m/s; they are correlated as fitted. The time of the measurement needs no fit: it is that of the last frame of the burst,
-which the geometry tells. Fitted to the catapult's balls of all scales, up to 14 m/s, and to as many slower than 3 m/s, down to rest: all
-that scenarios play. A ball faster than FASTEST is refused, the fit says nothing about it.
+Each of the nine errors is normal. Its variance is the sum of four parts: constant, spin (|w| / 300 rad/s)^2, speed s^2 and blur s^4 with
+s = |v| / 5 m/s. The errors are correlated as fitted. The time of the measurement needs no fit: it is that of the last frame of the burst,
+which follows from geometry and light. The fit covers the launcher's balls of all scales, up to 14 m/s, and as many slower than 3 m/s, down
+to rest: all that scenarios play. A ball faster than FASTEST is refused, since the fit does not cover it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,13 @@ NAMES = tuple(f"{what}_{axis}" for what in ("position", "velocity", "spin") for 
 
 @dataclass(frozen=True, eq=False)
 class SensorErrorModel:
-    """refused: share of balls in view that are not measured. parts: (9, 4) variances by cause, SI. correlation: (9, 9)."""
+    """Errors of the measured ball.
+
+    Attributes:
+        refused: Share of the balls with a burst that are not measured.
+        parts: (9, 4) variances of position, velocity and spin by cause, SI.
+        correlation: (9, 9).
+    """
 
     refused: float
     parts: Array
@@ -55,9 +61,16 @@ class SensorErrorModel:
 
     @classmethod
     def fitted(cls, errors: Array, speeds: Array, spins: Array, refused: float) -> SensorErrorModel:
-        """errors: (n, 9), measured minus true. speeds: (n,) m/s. spins: (n,) rad/s."""
+        """Fit a model.
+
+        Args:
+            errors: (n, 9), measured minus true.
+            speeds: (n,) m/s.
+            spins: (n,) rad/s.
+            refused: Share of the balls that are not measured.
+        """
         causes = _causes(speeds, spins).T
-        # each square weighs as the inverse of its own expectation, in two passes
+        # each square is weighted by the inverse of its own expectation, which is refined in three passes
         parts = np.zeros((9, 4))
         for i in range(9):
             expected = np.full(len(errors), np.mean(errors[:, i] ** 2))
@@ -69,21 +82,22 @@ class SensorErrorModel:
 
     @classmethod
     def load(cls, name: str) -> SensorErrorModel:
-        """A file of `sensor_error_models/`."""
+        """Read the file of that name in `sensor_error_models/`."""
         return _load(name)
 
     def save(self, file: Path, told: str) -> None:
+        """Write the model; told: comment in the first line."""
         rows = {name: [float(f"{v:.4g}") for v in row] for name, row in zip(NAMES, self.parts, strict=True)}
         content = {"refused": round(self.refused, 4), "variances": rows, "correlation": np.round(self.correlation, 3).tolist()}
         file.write_text(f"# {told}\n{yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=140)}")
 
     def sigmas(self, ball: BallState) -> Array:
-        """(9,) standard deviations for that ball."""
+        """Return the (9,) standard deviations for a ball."""
         causes = _causes(math.hypot(*ball.velocity.tolist()), math.hypot(*ball.spin.tolist()))
         return np.asarray(np.sqrt(self.parts @ causes))
 
     def measured(self, ball: BallState, rng: np.random.Generator) -> BallState:
-        """`ball`, the truth, as it is seen."""
+        """Return a ball as it would be measured; ball: the truth."""
         sigmas = self.sigmas(ball)
         covariance = self.correlation * np.outer(sigmas, sigmas)
         return BallState.from_vector(ball.time, ball.vector + sigmas * (self._root @ rng.standard_normal(9)), covariance)
@@ -95,7 +109,7 @@ class SensorErrorModel:
 
 
 def _causes(speeds: Array | float, spins: Array | float) -> Array:
-    """(4, n) of balls at speeds (n,) m/s and spins (n,) rad/s, or (4,) of one."""
+    """Return (4, n) for balls at speeds (n,) m/s and spins (n,) rad/s, or (4,) for one."""
     s = speeds / SPEED
     return np.array([s**0, (spins / SPIN) ** 2, s**2, s**4])
 
@@ -109,7 +123,7 @@ def _load(name: str) -> SensorErrorModel:
 
 @njit(cache=True, error_model="numpy")
 def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray[np.bool_]:
-    """(n,) whether an image of `width` by `height` shows all of a ball at points (n, 3) m. camera: Camera.vector."""
+    """Return (n,) whether an image of `width` by `height` shows all of a ball at points (n, 3) m; camera: Camera.vector."""
     model, whole = unpack_camera(camera), np.empty(len(points), dtype=np.bool_)
     radius = model.optics.focal * BALL_RADIUS
     for i in range(len(points)):

@@ -1,7 +1,7 @@
-"""Many balls of one scenario into a Parquet file: ros2 run tt_eval sweep liu --balls 10000 --out run.parquet.
+"""Play many balls of one scenario into a Parquet file: ros2 run tt_eval sweep liu --balls 10000 --out run.parquet.
 
-A ball's seed is its number, so a sweep is the same however it is cut, wherever it runs and however often it was interrupted: finished parts
-lie in FILE.parts until all are there, and only missing ones are played again.
+A ball's seed is its number, so the result does not depend on how the sweep is divided, where it runs or how often it was interrupted.
+Finished parts are kept in FILE.parts until all are there, and only missing ones are played.
 """
 
 from __future__ import annotations
@@ -28,12 +28,30 @@ from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
 
 PART = 250  # balls of one task
-AHEAD = 3  # tasks for each worker that wait, no more
+AHEAD = 3  # tasks for each worker that are submitted at a time
 SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
 
 
+class OtherSweep(TtError):
+    """Parts of another sweep where this one is to be written."""
+
+    def __init__(self, folder: Path) -> None:
+        """Keep the folder of the parts."""
+        super().__init__(f"{folder} holds parts of another sweep; remove it or write to another file")
+        self.folder = folder
+
+
+class NoScheduler(TtError):
+    """A Dask scheduler that does not answer."""
+
+    def __init__(self, address: str, error: OSError) -> None:
+        """Keep the address."""
+        super().__init__(f"no Dask scheduler at {address}: {error}")
+        self.address = address
+
+
 def part(scenario: Scenario, first: int, last: int) -> pa.Table:
-    """Balls first to last - 1, a row each; at a rate the sessions that they are of are played as a whole."""
+    """Play balls `first` to `last` - 1, a row each; at a rate, the sessions that they belong to are played as a whole."""
     if scenario.balls == 1:
         return pa.Table.from_pylist([sweep_metrics(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
     numbers = range(first // scenario.balls, -(-last // scenario.balls))
@@ -42,12 +60,12 @@ def part(scenario: Scenario, first: int, last: int) -> pa.Table:
 
 
 def fingerprint(scenario: Scenario, balls: int, size: int) -> str:
-    """Of what makes the rows, so that nothing else is resumed."""
+    """Return a hash of what determines the rows, so that only the same sweep is resumed."""
     return hashlib.sha256(repr((scenario, balls, size)).encode()).hexdigest()[:16]
 
 
 def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor, workers: int) -> Iterator[tuple[int, pa.Table]]:
-    """(first ball, rows) as they are done; few wait at a time, so that memory stays flat."""
+    """Yield number of the first ball and rows of each part as they are done; few are submitted at a time, so that memory stays bounded."""
     left, running = iter(missing), dict[Future[pa.Table], int]()
     while True:
         while len(running) < AHEAD * workers and (task := next(left, None)) is not None:
@@ -59,15 +77,26 @@ def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor
 
 
 def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = PART) -> None:
-    """Plays what is not played yet and writes `out`. scheduler: address of a Dask scheduler instead of processes of this machine.
+    """Play what is not played yet, and write all rows.
 
-    Raises TtError when other balls lie in the parts, or when there are no such balls, before anything is played.
+    Args:
+        scenario: What is played.
+        balls: Number of balls.
+        out: The Parquet file.
+        scheduler: Address of a Dask scheduler; None: processes of this machine.
+        workers: Number of processes; None: one for each core.
+        size: Balls of one part.
+
+    Raises:
+        OtherSweep: The parts beside the file are of another sweep.
+        NoScheduler: The scheduler does not answer.
+        TtError: The scenario has no such balls. All are raised before anything is played.
     """
     Trial.drawn(scenario, 0)
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
     told = folder / "scenario.json"
     if told.is_file() and json.loads(told.read_text())["fingerprint"] != mark:
-        raise TtError(f"{folder} holds parts of another sweep; remove it or write to another file")
+        raise OtherSweep(folder)
     folder.mkdir(parents=True, exist_ok=True)
     told.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
     tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
@@ -99,18 +128,21 @@ def _executor(stack: ExitStack, scheduler: str | None, workers: int | None) -> t
     try:
         client = stack.enter_context(Client(scheduler, timeout="10s"))
     except OSError as error:
-        raise TtError(f"no Dask scheduler at {scheduler}: {error}") from error
+        raise NoScheduler(scheduler, error) from error
     return stack.enter_context(client.get_executor(pure=False)), max(1, sum(client.nthreads().values()))
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="sweep", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenario", help="a name of those here, or a YAML file")
     parser.add_argument("--balls", type=int, default=1000, metavar="N", help="default 1000")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="Parquet, a row for each ball")
     parser.add_argument("--robot", help="this robot instead of the scenario's")
     parser.add_argument("--world", help="this world instead of the scenario's")
-    parser.add_argument("--images", action="store_true", help="render and measure images, fifty times as slow as their error model")
+    parser.add_argument(
+        "--images", action="store_true", help="render and measure images, which is fifty times as slow as the sensor error model"
+    )
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster, whose workers have this workspace")
     args = parser.parse_args()

@@ -1,4 +1,4 @@
-"""One ball's sweep_metrics, flat and comparable: the rows of a sweep."""
+"""The row of one ball in a sweep: numbers and texts by name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tt_sim.world.outcome import Outcome, Result
 
 from .episode import Episode, spin_error, truth
 
-# SI units but for rpm; NaN where a ball did not get that far. Strings: kind, miss, reason, empty when it came back.
+# SI units but for names with _rpm and _deg; NaN where a ball did not get that far; miss and reason are empty for a return
 TEXTS = ("kind", "miss", "reason", "judged_miss")
 RETURN = ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z", "landing_error", "time_error", "return_spin_error")
 NUMBERS = (
@@ -22,8 +22,11 @@ NUMBERS = (
 
 
 def sweep_metrics(episode: Episode) -> dict[str, float | str]:
-    """All of TEXTS and NUMBERS. speed and spin_rpm: of the launch. judged: by the wide cameras alone, all else is true. arm_back: s, after
-    the launch, when the arm waits again."""
+    """Return the row of a ball: all of TEXTS and NUMBERS.
+
+    `speed` and `spin_rpm` are those of the launch. Names with "judged" are by the wide cameras alone, all others are true. `arm_back` is
+    the time (s) after the launch when the arm waits again.
+    """
     trial, outcome, goal, choice = episode.trial, episode.outcome, episode.goal, episode.choice
     judged = episode.judged
     row: dict[str, float | str] = dict.fromkeys(NUMBERS, math.nan)
@@ -59,7 +62,7 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
 
 
 def _returned(outcome: Outcome, goal: ReturnGoal) -> dict[str, float]:
-    """All of RETURN of a ball that came back, else none."""
+    """Return all of RETURN for a ball that came back, nothing for another."""
     hit, landing = outcome.hit, outcome.landing
     if hit is None or landing is None or outcome.result is not Result.RETURNED:
         return {}

@@ -1,4 +1,4 @@
-"""Random bursts of images with the truth, under conditions that can be made worse one by one."""
+"""Random bursts of rendered images with the truth, under conditions that can be made worse one by one."""
 
 from __future__ import annotations
 
@@ -23,14 +23,25 @@ VARIED = DomainRandomization(drag=0.04, lift=0.10)  # from ball to ball, as in t
 
 
 @dataclass(frozen=True)
-class Conditions:
-    """Of a burst.
+class BurstConditions:
+    """Under which a burst is rendered.
 
-    frames: pairs. frame_rate: 1/s. exposure: s. slowest, fastest: rpm, about any axis. blobs, coverage: marks on the ball and the part of
-    it that they cover. pose_angle, pose_shift: rad and m, standard deviation by which the cameras do not stand where the estimator thinks.
+    Attributes:
+        frames: Pairs of images; 6 is the dissertation's K.
+        frame_rate: 1/s.
+        exposure: s.
+        slowest: rpm, least spin, about any axis.
+        fastest: rpm, largest spin.
+        blobs: Marks on the ball.
+        coverage: Part of the ball that they cover.
+        gloss: Specular part of the ball.
+        pose_angle: rad, standard deviation of the rotation of each camera from where the estimator believes it.
+        pose_shift: m, standard deviation of each coordinate of the shift.
+        lamps: The light.
+        noise: Lens and sensor.
     """
 
-    frames: int = 6  # the dissertation's K
+    frames: int = 6
     frame_rate: float = FRAME_RATE
     exposure: float = EXPOSURE
     slowest: float = 0.0
@@ -71,9 +82,18 @@ class SyntheticBurst:
         return Burst((self.images[0],), self.times, self.cameras[:1])
 
 
-def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> Iterator[SyntheticBurst]:
-    """Balls of 3 to 8 m/s near the middle of the view, spinning about any axis; they fly as measured balls do, no two alike."""
-    c = conditions or Conditions()
+def bursts(count: int, conditions: BurstConditions | None = None, seed: int = 0) -> Iterator[SyntheticBurst]:
+    """Render random balls of 3 to 8 m/s near the middle of the view, spinning about any axis, in the air of real balls.
+
+    Args:
+        count: Number of balls.
+        conditions: Of all of them.
+        seed: Of all that is random.
+
+    Yields:
+        Bursts with the truth.
+    """
+    c = conditions or BurstConditions()
     rng = np.random.default_rng(seed)
     for _ in range(count):
         direction = np.array([-1.0, rng.uniform(-0.08, 0.08), rng.uniform(-0.1, 0.35)])
@@ -82,7 +102,7 @@ def bursts(count: int, conditions: Conditions | None = None, seed: int = 0) -> I
         spin = rng.uniform(c.slowest, c.fastest) * RPM * axis / np.linalg.norm(axis)
         middle = np.array(VIEW_CENTRE) + rng.uniform(-0.012, 0.012, 3)
         texture = replace(_drawn(int(rng.integers(20)), c.blobs, c.coverage), gloss=c.gloss)
-        yield film(middle, velocity, spin, texture, c, rng)
+        yield render_burst(middle, velocity, spin, texture, c, rng)
 
 
 @functools.cache
@@ -90,8 +110,19 @@ def _drawn(seed: int, blobs: int, coverage: float) -> Texture:
     return Texture.drawn(seed, blobs=blobs, coverage=coverage)
 
 
-def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: Conditions, rng: np.random.Generator) -> SyntheticBurst:
-    """The ball passes `middle` (3,) m half way through the burst with velocity (3,) m/s and spin (3,) rad/s, turned at random."""
+def render_burst(
+    middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: BurstConditions, rng: np.random.Generator
+) -> SyntheticBurst:
+    """Render one ball.
+
+    Args:
+        middle: (3,) m, where it is half way through the burst.
+        velocity: (3,) m/s, then.
+        spin: (3,) rad/s.
+        texture: Its marks.
+        conditions: Of the burst.
+        rng: Of orientation, air and noise.
+    """
     c = conditions
     first = Rotation.random(random_state=int(rng.integers(1 << 31)))
     times = rng.uniform(0.0, 100.0) + np.arange(c.frames) / c.frame_rate
@@ -106,7 +137,7 @@ def film(middle: Array, velocity: Array, spin: Array, texture: Texture, conditio
     return SyntheticBurst(np.swapaxes(np.array(images), 0, 1), times, ball, believed)
 
 
-def _moved(camera: Camera, c: Conditions, rng: np.random.Generator) -> Camera:
+def _moved(camera: Camera, c: BurstConditions, rng: np.random.Generator) -> Camera:
     if not (c.pose_angle or c.pose_shift):
         return camera
     turn = Rotation.from_rotvec(rng.normal(0.0, c.pose_angle, 3)).as_matrix()

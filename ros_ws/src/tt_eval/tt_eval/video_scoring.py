@@ -1,13 +1,13 @@
-"""The evaluation as the dissertation's: from what two wide cameras saw of a ball, what became of it (Section 4.5.2).
+"""What became of a ball, from two wide cameras alone, as the dissertation evaluates its experiments (Section 4.5.2).
 
-The dissertation draws a smooth curve through the places seen and reads landing place and time off it; it does not tell the spin of a
-return. Here, too, nothing but the places is used. A kink in them is a contact, of the surface that is there; the flights between kinks are
-fitted by the flight model, with the air as identified in that laboratory (Section 3.5.1), and two flights meet at the contact. The spin is
-what bends the flight: its part across the velocity; the part along it bends nothing, so that spin_x, near it, is hardly known.
+The dissertation draws a smooth curve through the observed positions and reads landing place and time off it; it gives no spin of a return.
+Here, too, only positions are used. A kink is a contact with the surface that is there. The flights between kinks are fitted by the flight
+model, with the air as identified in that laboratory (Section 3.5.1), and two flights meet at the contact. The spin follows from the
+curvature of the flight, so only its part across the velocity is observable; spin_x, nearly along the velocity, is hardly known.
 
-How well it sees, judged minus true over 500 balls: in the world `liu` landing place 0.4 mm, flight time 0.1 ms, spin 1 and 2 rad/s about y
-and z (standard deviations). In `real` 2.3 mm, 0.3 ms, 25 and 22 rad/s: real lift hardly grows with the spin any more and differs from ball
-to ball, so a flight tells little of its spin. `ros2 run tt_eval evaluate` prints these for any sweep.
+Errors over 500 balls, judged minus true, standard deviations: in the world `liu` landing place 0.4 mm, flight time 0.1 ms, spin 1 and
+2 rad/s about y and z; in `real` 2.3 mm, 0.3 ms, 25 and 22 rad/s. Real lift hardly grows with the spin and differs from ball to ball, so a
+flight shows little of its spin. `ros2 run tt_eval evaluate` prints these for any sweep.
 """
 
 from __future__ import annotations
@@ -24,26 +24,34 @@ from tt_sim.world.true_ball import Contact, Surface
 from tt_vision.camera import triangulate
 from tt_vision.rig import WIDE_RATE
 
-KINK = 1.2  # m/s, change of velocity that is a contact: five standard deviations of 1.3 mm; few bounces give less
-UNUSUAL = 4.0  # times the median change, for worse cameras
-CLOSE = 0.05  # m, from a surface at which it is met: half of what a ball moves between two frames
-FEWEST = 5  # places of a flight
-SCATTER = 2.0e-3  # m, of a place seen, for the weight of SPIN: that of bad cameras
-SPIN = 300.0  # rad/s, expected of any ball, as a standard deviation: holds back what the flight does not show
-MOST_SPIN = 1500.0  # rad/s about each axis, more than is played
-ROUNDS, FRESH = 5, 3  # of Gauss-Newton, and the first of them that look for the slopes anew
+KINK = 1.2  # m/s, least change of velocity at a contact: five standard deviations of positions with 1.3 mm; few bounces give less
+UNUSUAL = 4.0  # times the median change is a contact, too: for worse cameras
+CLOSE = 0.05  # m, distance at which a surface counts as touched: half of the motion between two frames
+FEWEST = 5  # positions of a flight
+SCATTER = 2.0e-3  # m, standard deviation of a position, for the weight of SPIN: that of bad cameras
+SPIN = 300.0  # rad/s, prior standard deviation of the spin of any ball: bounds the part that the flight does not show
+MOST_SPIN = 1500.0  # rad/s about each axis, more than in real play
+ROUNDS, FRESH = 5, 3  # of Gauss-Newton, and the first of them that compute the Jacobian anew
 
 
 @njit(cache=True)
 def fitted(times: Array, seen: Array, air: Array) -> Array:
-    """(9,) the ball at time 0 whose flight passes nearest to where it was seen, (n, 3) m at times (n,) s,
-    a spin of SPIN expected. n is at least 4."""
+    """Fit a flight to observed positions by least squares, with a prior of SPIN.
+
+    Args:
+        times: (n,) s, n at least 4.
+        seen: (n, 3) m.
+        air: Coefficients of the air.
+
+    Returns:
+        State (9,) of the ball at time 0.
+    """
     n = len(times)
     ball, step = np.zeros(9), np.array([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])  # m/s, rad/s
     ball[:3], ball[3:6] = seen[0], (seen[3] - seen[0]) / (times[3] - times[0])
     jacobian, normal = np.zeros((3 * n, 9)), np.zeros((9, 9))
     for k in range(3):
-        jacobian[k::3, k] = 1.0  # a place moves with the first place
+        jacobian[k::3, k] = 1.0  # a position moves with the first position
     for i in range(ROUNDS):
         path = places(ball, times, air)
         if i < FRESH:
@@ -64,8 +72,17 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
 
 @njit(cache=True)
 def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
-    """Frames, FEWEST or more of them, next to which the velocity changes by more than KINK, and by far more than it usually seems to: the
-    largest change of each kink."""
+    """Find the frames nearest to contacts.
+
+    There the velocity changes by more than KINK and by far more than its median change, and more than at the FEWEST frames on both sides.
+
+    Args:
+        times: (n,) s, n at least FEWEST.
+        seen: (n, 3) m, where the ball was seen.
+
+    Returns:
+        Indices of frames.
+    """
     n = len(times)
     change, kink = np.zeros(n), np.zeros(n, dtype=np.bool_)
     for k in range(2, n - 2):
@@ -78,7 +95,7 @@ def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
 
 
 def _surface(ball: Array, after: Array) -> Surface | None:
-    """What a ball (9,) met that goes on at velocity `after` (3,) m/s; None: nothing that is there."""
+    """Return what a ball (9,) met that goes on at velocity `after` (3,) m/s; None if no surface is there."""
     x, y, z = ball[:3]
     before = ball[3:6]
     if before[0] < 0.0 < after[0] and x < NET_X - CLOSE:
@@ -91,7 +108,18 @@ def _surface(ball: Array, after: Array) -> Surface | None:
 
 @njit(cache=True)
 def _meeting(before: Array, after: Array, apart: float, time: float, air: Array) -> tuple[float, Array, Array]:
-    """Seconds after `before` (9,), near `time`, when its flight is nearest to that of `after` (9,), `apart` s later; and both then."""
+    """Find where two flights meet.
+
+    Args:
+        before: State (9,) of the earlier flight.
+        after: State (9,) of the later one, `apart` s after it.
+        apart: s.
+        time: s after `before`, near the meeting.
+        air: Coefficients of the air.
+
+    Returns:
+        Time (s) after `before` when both are nearest, and both states then.
+    """
     one, other, shift = before, after, 0.0
     for _ in range(3):
         one, other = fly(before, time, air), fly(after, time - apart, air)
@@ -102,9 +130,14 @@ def _meeting(before: Array, after: Array, apart: float, time: float, air: Array)
 
 
 def score_from_video(sightings: Sightings, air: Array) -> Outcome:
-    """What became of the ball, as far as it was seen; its contacts are those that two fitted flights make.
+    """Return what became of a ball, as far as it was seen.
 
-    air: coefficients of the flight model, as the evaluator knows them.
+    Args:
+        sightings: What the cameras saw.
+        air: Coefficients of the flight model, as the evaluator knows them.
+
+    Returns:
+        Contacts where two fitted flights meet.
     """
     if len(sightings.times) < FEWEST:
         return Outcome(BallState(0.0, *np.zeros((3, 3))))
@@ -115,7 +148,7 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
     ends = [-1, *turns.tolist(), len(times)]
 
     def flight(i: int) -> tuple[float, Array] | None:
-        """Between kinks i - 1 and i, which belong to neither: a time (s) and the ball (9,) then; None when it is too short."""
+        """Fit the flight between kinks i - 1 and i, without their frames: a time (s) and the ball (9,) then; None if it is too short."""
         rows = slice(ends[i] + 1, ends[i + 1])
         if rows.stop - rows.start < FEWEST:
             return None
@@ -137,13 +170,13 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
 
 
 def _ball(time: float, row: Array) -> BallState:
-    """From what a kernel has just made."""
+    """Return the ball of a row that a kernel has just made."""
     row.flags.writeable = False
     return BallState.trusted(time, row[:3], row[3:6], row[6:])
 
 
 def _past_the_table(start: float, ball: Array, time: float, air: Array) -> BallState | None:
-    """A ball (9,) of `start` (s), last seen at `time` (s), where it comes down to the table's height, if that is not over the table."""
+    """Return a ball (9,) of `start` (s), last seen at `time` (s), where it falls to the table's height, if that is beside the table."""
     while True:
         row = fly(ball, time - start, air)
         if row[2] < BALL_RADIUS and row[5] < 0.0:

@@ -1,1 +1,1 @@
-"""A simulated world that stands in for the hardware: ball, table, cameras and arm."""
+"""A simulated world in place of the hardware: ball, table, cameras and arm."""

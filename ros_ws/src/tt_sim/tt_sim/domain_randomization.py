@@ -1,4 +1,4 @@
-"""No two trials alike: the true coefficients of one trial, drawn about those of its world."""
+"""The true coefficients of one ball, drawn at random about those of its world."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from tt_core.params import check, param
 from tt_core.physics import Physics
 
-FURTHEST = 3.0  # standard deviations that a draw goes
+FURTHEST = 3.0  # standard deviations, at which draws are cut
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,14 @@ class DomainRandomization:
         check(self)
 
     def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
-        """The physics of one trial. A coefficient is kept where its surface gives no energy."""
+        """Draw the physics of one ball.
 
+        Coefficients are cut where a surface would give energy to the ball.
+
+        Args:
+            physics: The means.
+            rng: Of the draw; every coefficient takes one number, so that seeds stay comparable.
+        """
         draws = dict(zip(_ORDER, np.clip(rng.normal(size=len(_ORDER)), -FURTHEST, FURTHEST).tolist(), strict=True))
 
         def factor(name: str) -> float:

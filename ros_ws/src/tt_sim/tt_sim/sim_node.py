@@ -67,8 +67,10 @@ DARK = 8  # grey level of an image without a ball
 
 
 class SimNode(Node):
-    """Take arm_velocity_controller/commands and launcher/launch; publish images, pixels of the wide cameras, joint_states, /clock, and the
-    truth on sim/*. The methods publish_* and report_* are called by the thread of SimLoop."""
+    """Take commands and requests for launches; publish images, pixels of the wide cameras, joint states, the clock and the truth.
+
+    The methods publish_*, report_* and wants_pixels are called by the thread of SimLoop.
+    """
 
     def __init__(self) -> None:
         """Declare parameters, start the process that renders, compile the kernels, then subscribe and start the loop."""

@@ -19,8 +19,15 @@ LONGEST = 10.0  # s after the launch, when a ball is over wherever it is
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tick:
-    """What is true at its end. contacts: of the last launched ball during it. ball: it, None when it does not fly. ended: what became
-    of the balls that this tick ended."""
+    """What is true at the end of a tick.
+
+    Attributes:
+        joints: Of the arm.
+        racket: Of the arm.
+        contacts: Of the last launched ball during the tick.
+        ball: The last launched ball; None when it does not fly.
+        ended: What became of the balls that ended in this tick.
+    """
 
     joints: Joints
     racket: RacketMotion
@@ -30,10 +37,24 @@ class Tick:
 
 
 class SimulatedRobot:
-    """The simulated arm from `joints` on, and the balls in flight, which do not meet each other. outcome: of the last launched one, if any.
-    tick: s."""
+    """The simulated arm and the balls in flight, which do not touch each other.
+
+    Attributes:
+        plant: The arm.
+        tick: s.
+        joints: Now.
+        outcome: Of the last launched ball, so far; None before the first.
+    """
 
     def __init__(self, physics: Physics, plant: Plant, joints: Joints, tick: float) -> None:
+        """Begin without a ball.
+
+        Args:
+            physics: Of balls that are launched without one of their own.
+            plant: The arm.
+            joints: Where the arm starts.
+            tick: s.
+        """
         self.plant, self.tick, self.joints = plant, tick, joints
         self.outcome: Outcome | None = None
         self._physics = physics
@@ -41,7 +62,15 @@ class SimulatedRobot:
         self._flights: list[tuple[World, Outcome]] = []
 
     def launch(self, ball: BallState, physics: Physics | None = None) -> Outcome:
-        """The ball flies from its own time on; what becomes of it is filled in tick by tick. physics: for it alone, if not that of all."""
+        """Add a ball.
+
+        Args:
+            ball: At its launch; it flies from its own time on.
+            physics: For this ball alone; None: that of all.
+
+        Returns:
+            What becomes of it, filled in tick by tick.
+        """
         self.outcome = Outcome(ball)
         world = World(physics or self._physics)
         world.ball = ball
@@ -49,7 +78,7 @@ class SimulatedRobot:
         return self.outcome
 
     def advance(self, command: Array) -> Tick:
-        """One tick under the command (7,) rad/s."""
+        """Move arm and balls by one tick under a command (7,) rad/s."""
         self.joints = self.plant.advance(self.joints, command, self.tick)
         racket = self.plant.racket(self.joints)
         before, self._racket_row = self._racket_row, racket.row
@@ -71,9 +100,9 @@ class SimulatedRobot:
 
 
 def warm(plant: Plant) -> None:
-    """Loads the kernels, so that no tick waits for them."""
-    hardware = SimulatedRobot(Physics.liu(), plant, Joints(0.0, plant.model.waiting, np.zeros(7)), 0.002)
-    hardware.launch(BallState.from_vector(0.0, np.array([2.6, 0.76, 0.4, -5.0, 0.0, 1.0, 0.0, -300.0, 0.0])))
-    ArmRecord(plant.model, hardware.joints)
+    """Load the kernels, so that no tick waits for them."""
+    robot = SimulatedRobot(Physics.liu(), plant, Joints(0.0, plant.model.waiting, np.zeros(7)), 0.002)
+    robot.launch(BallState.from_vector(0.0, np.array([2.6, 0.76, 0.4, -5.0, 0.0, 1.0, 0.0, -300.0, 0.0])))
+    ArmRecord(plant.model, robot.joints)
     for _ in range(300):  # beyond the bounce on the table
-        hardware.advance(np.zeros(7))
+        robot.advance(np.zeros(7))

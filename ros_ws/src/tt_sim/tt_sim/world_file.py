@@ -1,4 +1,4 @@
-"""The true world of the simulator: physics, their variation, cameras and arm; one YAML file each in `worlds/`."""
+"""What is true in the simulator: physics, its randomization, cameras and arm. `worlds/` holds a YAML file for each world."""
 
 from __future__ import annotations
 
@@ -39,10 +39,18 @@ class WorldParams:
     sensor_error_model: str = "clear"
 
     def __post_init__(self) -> None:
+        """Refuse a ball that is a point, as in the dissertation's models: it cannot touch a racket's disc."""
         check_range("physics.contact_height", self.physics.contact_height, LEAST_CONTACT, 0.1)
 
 
 def load_world(name: str) -> WorldParams:
-    """The world of that name here, or of that file. Raises BadFile."""
+    """Read a world.
+
+    Args:
+        name: Of a file in `worlds/`, without suffix, or the path of another one.
+
+    Raises:
+        BadFile: It cannot be read, or something in it is wrong.
+    """
     file = find(name, WORLDS)
     return build(WorldParams, read(file), file.name)

@@ -1,1 +1,1 @@
-"""The experiments of Chapter 2 of the dissertation, and beyond, on rendered bursts: each prints its table and saves its figures."""
+"""The experiments of Chapter 2 of the dissertation, and of its limits, on rendered bursts; each prints a table and saves figures."""

@@ -1,4 +1,4 @@
-"""The catapult machine, as Tables 2.1 to 2.3 and Figures 2.17 to 2.20 of the dissertation show it."""
+"""The catapult experiment of dissertation Section 2.5.2: Tables 2.1 to 2.3 and Figures 2.17 to 2.20."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tt_vision.measure import measure_burst
 from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin.dissertation import centres_by_four_points, inscribed_square, method_2, velocity_by_least_squares
 
-from ..synthetic_bursts import Conditions, SyntheticBurst, film
+from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
 SHOTS = (("top", 3), ("top", 4), ("top", 4), ("top", 5), ("back", 4), ("left", 4), ("right", 4))
 PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed with the sign of w_y flipped
@@ -36,16 +36,20 @@ CAMERA = 1  # "say Camera 2"
 
 
 def shots(runs: int) -> Iterator[tuple[int, int, SyntheticBurst]]:
-    """Number of the shot, of the trial, and images."""
+    """Yield number of the shot, number of the trial, and the images."""
     rng = np.random.default_rng(0)
     for n, (kind, scale) in enumerate(SHOTS):
         for trial in range(runs):
             shot, _ = launch(kind, scale, LauncherParams(), rng)
-            yield n, trial, film(np.array(VIEW_CENTRE), shot.velocity, shot.spin, Texture.drawn((n + trial) % 20), Conditions(), rng)
+            yield (
+                n,
+                trial,
+                render_burst(np.array(VIEW_CENTRE), shot.velocity, shot.spin, Texture.drawn((n + trial) % 20), BurstConditions(), rng),
+            )
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Prints speed, spin, time and iterations of the first of `runs` trials and the errors over all; returns Figures 2.17 to 2.20."""
+    """Print speed, spin, time and iterations of the first of `runs` trials and the errors over all; return Figures 2.17 to 2.20."""
     heads = (
         "shot",
         "true: m/s, rpm",
@@ -102,7 +106,10 @@ def _convergence(traces: list[tuple[str, list[tuple[float, Array]]]]) -> list[go
 
 
 def _pictures(burst: Burst, spin: Array, title: str) -> go.Figure:
-    """(a) a frame, (b) its square, (c) the next frame's as estimated from it, (d) the next frame, (e) its square, (f) the residual."""
+    """Return the pictures of one burst.
+
+    (a) a frame, (b) its square, (c) the next frame's square as estimated from it, (d) the next frame, (e) its square, (f) the residual.
+    """
     camera, images = burst.cameras[CAMERA], burst.images[CAMERA].astype(np.float32)
     pixels, positions = centres_by_four_points(burst)
     centres = positions @ camera.rotation.T + camera.translation

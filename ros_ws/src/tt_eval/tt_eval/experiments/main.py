@@ -1,4 +1,4 @@
-"""ros2 run tt_eval experiment rotation|catapult|beyond [--runs N] [--out DIRECTORY]."""
+"""Run an experiment: ros2 run tt_eval experiment rotation|catapult|robustness [--runs N] [--out DIRECTORY]."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from pathlib import Path
 from tt_vision.rig import high_speed_pair
 from tt_vision.warm import warm
 
+from ..page import Section, html_page
 from . import catapult, robustness, rotation
 
 EXPERIMENTS = {"rotation": rotation, "catapult": catapult, "robustness": robustness}
 
 
 def main() -> None:
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="experiment", description=__doc__)
     parser.add_argument("name", choices=EXPERIMENTS)
     parser.add_argument("--runs", type=int, default=10, help="bursts for each row (default 10)")
@@ -25,8 +27,7 @@ def main() -> None:
     warm(high_speed_pair())
     figures = EXPERIMENTS[args.name].run(args.runs)
     path = args.out / f"{args.name}.html"
-    parts = [figure.to_html(full_html=False, include_plotlyjs=i == 0) for i, figure in enumerate(figures)]
-    path.write_text(f"<!doctype html><meta charset=utf-8><title>{args.name}</title>{''.join(parts)}")
+    path.write_text(html_page(args.name, [Section(figures=figures)]))
     print(f"figures: {path}")
 
 

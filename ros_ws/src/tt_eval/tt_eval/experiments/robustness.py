@@ -1,4 +1,4 @@
-"""Beyond the dissertation: any axis, 0 to 9,000 rpm, and one condition after another made worse."""
+"""Robustness of the measurement: spin about any axis, 0 to 9,000 rpm, and one condition after another made worse."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tt_core.constants import RPM
 from tt_sim.render import Lamps, Noise
 from tt_vision.measure import measure_burst
 
-from ..synthetic_bursts import Conditions, bursts
+from ..synthetic_bursts import BurstConditions, bursts
 
-BASE = Conditions()
+BASE = BurstConditions()
 FLICKER = Lamps(tuple(replace(lamp, flicker=0.15) for lamp in Lamps().lamps))
 DEGREE = math.pi / 180.0
-MESSY = Conditions(gloss=0.1, lamps=FLICKER, noise=Noise(lens_blur=1.0, gamma=1.2), pose_angle=0.02 * DEGREE, pose_shift=0.3e-3)
-SWEEPS: dict[str, Conditions] = {
+MESSY = BurstConditions(gloss=0.1, lamps=FLICKER, noise=Noise(lens_blur=1.0, gamma=1.2), pose_angle=0.02 * DEGREE, pose_shift=0.3e-3)
+SWEEPS: dict[str, BurstConditions] = {
     "as it is": BASE,
     **{f"{low} to {low + 3000} rpm": replace(BASE, slowest=low, fastest=low + 3000) for low in (0, 3000, 6000)},
     "one lamp": replace(BASE, lamps=Lamps(Lamps().lamps[:1])),
@@ -41,7 +41,7 @@ SWEEPS: dict[str, Conditions] = {
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Prints the errors of the measurement under each condition; returns one figure of them."""
+    """Print the errors of the measurement under each condition of `runs` bursts; return one figure of them."""
     table = Table("condition", "spin rpm, median", "95 %", "worst", "over 300", "refused", "position mm, 95 %", "velocity m/s, 95 %")
     figure = go.Figure()
     for name, conditions in SWEEPS.items():

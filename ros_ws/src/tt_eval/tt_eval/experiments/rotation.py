@@ -1,8 +1,9 @@
 """The rotation machine: a ball that turns in place about the two printed axes, 1,500 to 3,000 rpm (Figures 2.14 and 2.15).
 
 The text does not say in which frame the axes are. In `table` the first one points along the lines of sight of cameras beside the table,
-about which Method 1 sees no turn; in the frame of Camera 2, x to the right and y down, both lie across it. So both are shown. What
-Method 1 finds then is 0.4 to 0.9 of the speed: it takes the shift of a square for that of its middle, and marks off the middle move less.
+about which Method 1 cannot see a rotation; in the frame of Camera 2, x to the right and y down, both lie across the line of sight. So both
+frames are shown. Method 1 then finds 0.4 to 0.9 of the speed: it takes the shift of a square for that of its middle, but marks off the
+middle move less.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from tt_sim.world.rotation_machine import AXES, SPEEDS
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 from tt_vision.spin import estimate_spin
 
-from ..synthetic_bursts import Conditions, SyntheticBurst, film
+from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
 FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
 METHODS = {"correlation": "Method 1", "liu": "Method 2", "registration": "registration"}
@@ -32,24 +33,26 @@ RIGHT = 200.0  # rpm of speed that counts as right
 
 
 def turning(runs: int) -> Iterator[tuple[str, int, int, Array, SyntheticBurst]]:
-    """Frame, number of the axis, speed in rpm, spin (3,) rad/s and images of each trial."""
+    """Yield frame, number of the axis, speed (rpm), spin (3,) rad/s and images of each trial."""
     rng = np.random.default_rng(0)
     for frame, rotation in FRAMES.items():
         for a, axis in enumerate(AXES):
             for speed in SPEEDS:
                 for trial in range(runs):
                     spin = speed * RPM * rotation @ np.array(axis) / np.linalg.norm(axis)
-                    still = film(np.array(VIEW_CENTRE), np.zeros(3), spin, Texture.drawn(trial % 20), Conditions(lamps=LAMP), rng)
+                    still = render_burst(
+                        np.array(VIEW_CENTRE), np.zeros(3), spin, Texture.drawn(trial % 20), BurstConditions(lamps=LAMP), rng
+                    )
                     yield frame, a, speed, spin, still
 
 
 def along(got: Array, spin: Array) -> float:
-    """The inner product of the axes; 0 without a spin."""
+    """Return the inner product of the axes; 0 without a spin."""
     return float(got @ spin / max(float(np.linalg.norm(got) * np.linalg.norm(spin)), 1e-12))
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Prints how often speed and axis are right; returns Figures 2.14 and 2.15."""
+    """Print how often speed and axis are right in `runs` trials of each; return Figures 2.14 and 2.15."""
     rows = []  # frame, axis, method, speed, estimated speed, inner product, vector error, ms
     for frame, a, speed, spin, burst in turning(runs):
         for method in METHODS:

@@ -1,4 +1,4 @@
-"""What goes wrong between shutter and estimator: late, at wrong stamps, lost, twice."""
+"""What goes wrong between exposure and estimator: images are late, have wrong stamps, are lost or come twice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .camera_sequence import Frame
 
 @dataclass(frozen=True, slots=True)
 class CameraFaults:
-    """All zero is the perfect camera. latency and clock_offset do not change what is measured, only when."""
+    """Faults of the high-speed cameras; all zero is the perfect pair."""
 
     latency: float = param(0.0, "s", "time from the middle of the exposure to the arrival of the image", low=0.0, high=1.0)
     jitter: float = param(0.0, "s", "standard deviation of the stamp of an image", low=0.0, high=0.01)
@@ -29,7 +29,16 @@ class CameraFaults:
 
 
 def arrivals(frames: Iterable[Frame], faults: CameraFaults, rng: np.random.Generator) -> Iterator[tuple[int, float, Image]]:
-    """(side, stamp s, image) as the estimator gets them."""
+    """Apply the faults to the frames of a ball.
+
+    Args:
+        frames: As the cameras take them.
+        faults: Latency does not act here: it changes when an image arrives, not its stamp.
+        rng: Of what is lost and repeated, and of the jitter.
+
+    Yields:
+        Camera (0 left, 1 right), stamp (s) and image, as the estimator gets them.
+    """
     for frame in frames:
         for side, image in enumerate(frame.images):
             lost, twice, shift = rng.uniform(), rng.uniform(), rng.normal()

@@ -1,4 +1,4 @@
-"""All images that the cameras take of one launched ball, frame by frame, while it is in view."""
+"""The images that the cameras take of one launched ball, frame by frame, while it is in view."""
 
 from __future__ import annotations
 
@@ -22,14 +22,19 @@ LONGEST = 0.2  # s after the launch in which a frame may show the ball
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """What every camera saw at `time` (s), the middle of the exposure. images: one (h, w) for each camera."""
+    """The images of all cameras at one instant.
+
+    Attributes:
+        time: s, the middle of the exposure.
+        images: One (h, w) for each camera.
+    """
 
     time: float
     images: tuple[Image, ...]
 
 
 def in_view(camera: Camera, ball: BallState) -> bool:
-    """Whether any part of the ball can be in the image."""
+    """Return whether any part of the ball can be in the image of a camera."""
     depth = float((camera.rotation @ ball.position + camera.translation)[2])
     if depth < 2.0 * BALL_RADIUS:
         return False
@@ -39,7 +44,17 @@ def in_view(camera: Camera, ball: BallState) -> bool:
 
 
 def orientation_after(orientation: Array, ball: BallState, duration: float, physics: Physics) -> Array:
-    """(3, 3) ball to `table` after `duration` s of free flight from `ball`, at which it is `orientation`."""
+    """Return the orientation of a ball after some free flight.
+
+    Args:
+        orientation: (3, 3) ball to `table` at the beginning.
+        ball: At the beginning.
+        duration: s.
+        physics: For the decay of the spin.
+
+    Returns:
+        (3, 3) ball to `table`.
+    """
     decay = physics.air.spin_decay
     turned = -math.expm1(-decay * duration) / decay if decay > 0.0 else duration
     return Rotation.from_rotvec(ball.spin * turned).as_matrix() @ orientation
@@ -55,7 +70,21 @@ def camera_sequence(
     frame_rate: float = FRAME_RATE,
     exposure: float = EXPOSURE,
 ) -> Iterator[Frame]:
-    """Frames at whole periods after the ball's time for as long as any camera has the ball in view."""
+    """Render the frames of one ball, from when any camera has it in view until none has.
+
+    Args:
+        ball: At its launch.
+        orientation: (3, 3) ball to `table` then.
+        cameras: The cameras.
+        scene: Marks, light and sensor.
+        physics: Of the ball.
+        rng: Of the noise.
+        frame_rate: 1/s. Frames are at whole periods after the launch.
+        exposure: s.
+
+    Yields:
+        Frame by frame.
+    """
     seen = False
     for i in range(1, math.ceil(LONGEST * frame_rate)):
         after = i / frame_rate

@@ -1,4 +1,4 @@
-"""What two wide cameras at 150 Hz make of a ball: they follow it on board and tell the pixel of its centre (dissertation Section 4.5.2)."""
+"""Two wide cameras at 150 Hz that find the ball on board and send the pixel of its centre (dissertation Section 4.5.2)."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ LONGEST = 3.0  # s after the launch, that a ball is followed
 
 @dataclass(frozen=True, slots=True)
 class TrackingCameraFaults:
-    """How wide cameras differ from perfect ones.
+    """How the wide cameras differ from perfect ones.
 
-    noise is the scatter of the centroid of a ball 7 pixels wide, its image rendered with its marks in the light of three lamps overhead and
-    cut at 0.3 of its brightness (tests/sim/test_wide.py: 0.09 pixels); 2 ms of motion blur do not shift it.
+    The default noise is that of the centroid of a ball 7 pixels wide: tests/sim/test_tracking_cameras.py renders it with its marks in the
+    light of three lamps, cuts it at 0.3 of its brightness and finds 0.09 pixels. Motion blur of 2 ms does not shift the centroid.
     """
 
     noise: float = param(0.1, "pixels", "standard deviation of each pixel coordinate of the ball", low=0.0, high=10.0)
@@ -45,13 +45,23 @@ class TrackingCameraFaults:
 
 @functools.cache
 def believed() -> tuple[Camera, Camera]:
-    """The pair as it was calibrated."""
+    """Return the pair as it was calibrated."""
     return wide_pair()
 
 
 @njit(cache=True)
 def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArray[np.bool_], step: float, pixels: Array) -> None:
-    """Turns the scatter of centres, pixels (n, 2), into centres, in place, of a ball at places (n, 3) m that are not lost (n,)."""
+    """Project a ball, add noise and round, in place.
+
+    Args:
+        camera: Camera.vector.
+        width: Pixels.
+        height: Pixels.
+        places: (n, 3) m, of the ball.
+        lost: (n,) whether a pixel is not sent.
+        step: Pixels, resolution; 0: none.
+        pixels: (n, 2), the noise; becomes the pixel, NaN where the ball is lost or out of the image.
+    """
     model = unpack_camera(camera)
     for i in range(len(places)):
         u, v, _ = project_from_table(model, places[i, 0], places[i, 1], places[i, 2])
@@ -63,14 +73,28 @@ def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArr
 
 
 class TrackingCameraPair:
-    """The pair as it really stands. rng: of where that is."""
+    """The pair as it really stands.
+
+    Attributes:
+        faults: How it differs from a perfect one.
+        cameras: Where the cameras really are.
+    """
 
     def __init__(self, faults: TrackingCameraFaults, rng: np.random.Generator) -> None:
+        """Turn the calibrated cameras at random; rng: of the rotations."""
         self.faults = faults
         self.cameras = tuple(_turned(camera, faults.turned, rng) for camera in believed())
 
     def pixels(self, places: Array, rng: np.random.Generator) -> Array:
-        """(2, n, 2) of a ball at `places` (n, 3) m, NaN where a camera does not see it or does not tell."""
+        """Return the pixels of a ball.
+
+        Args:
+            places: (n, 3) m, of the ball.
+            rng: Of noise and losses.
+
+        Returns:
+            (2, n, 2) for each camera; NaN where it does not see the ball or its pixel is lost.
+        """
         faults, n = self.faults, len(places)
         seen = faults.noise * rng.standard_normal((2, n, 2))
         dropped = rng.uniform(size=(2, n)) < faults.dropped
@@ -80,13 +104,29 @@ class TrackingCameraPair:
 
 
 class TrackingCameras:
-    """The pair in a running world, frame by frame from `start` (s) on. air: coefficients of the balls, good enough for a part of a tick."""
+    """The pair in a running world, frame by frame."""
 
     def __init__(self, faults: TrackingCameraFaults, air: Array, start: float, rng: np.random.Generator) -> None:
+        """Begin with the first frame.
+
+        Args:
+            faults: Of the pair.
+            air: Coefficients of the air; those of all balls are good enough for a part of a tick.
+            start: s, of the first frame.
+            rng: Of the rotations, the noise and the losses.
+        """
         self._pair, self._air, self._rng, self._due = TrackingCameraPair(faults, rng), air, rng, start
 
     def frames(self, tick: Tick, wanted: bool = True) -> list[tuple[float, int, Array]]:
-        """(stamp s, 0 left or 1 right, pixel (2,)) of the frames during the tick that show the ball; none of them when not wanted."""
+        """Return what the pair sees during a tick.
+
+        Args:
+            tick: What was true.
+            wanted: Whether anybody listens; without, frames pass and nothing is computed.
+
+        Returns:
+            Stamp (s), camera (0 left, 1 right) and pixel (2,) of each frame of each camera that sees the ball.
+        """
         seen = []
         while self._due <= tick.joints.time:
             then = next((contact.before for contact in tick.contacts if contact.before.time >= self._due), tick.ball)
@@ -107,14 +147,26 @@ def _turned(camera: Camera, sigma: float, rng: np.random.Generator) -> Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightings:
-    """Where both cameras saw the ball. times: (n,) s, rising. pixels: (2, n, 2)."""
+    """Where both cameras saw one ball.
+
+    Attributes:
+        times: (n,) s, rising.
+        pixels: (2, n, 2), left and right.
+    """
 
     times: Array
     pixels: Array
 
     @classmethod
     def of(cls, outcome: Outcome, air: Array, faults: TrackingCameraFaults, rng: np.random.Generator) -> Sightings:
-        """Of a whole flight, from launch to end, by cameras that do not wait for it. air: coefficients of the true one."""
+        """Return what the pair sees of a whole flight.
+
+        Args:
+            outcome: The flight, from launch to end.
+            air: Coefficients of the true air.
+            faults: Of the pair.
+            rng: Of the faults, and of the time of the first frame: cameras are not synchronized with the launch.
+        """
         first, pair = outcome.launched.time + rng.uniform() / WIDE_RATE, TrackingCameraPair(faults, rng)
         times = np.arange(first, outcome.followed_until(outcome.launched.time + LONGEST), 1.0 / WIDE_RATE)
         pixels = pair.pixels(outcome.places(times, air), rng)

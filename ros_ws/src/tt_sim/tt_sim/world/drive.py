@@ -1,4 +1,4 @@
-"""The drives of the simulated arm: they obey the newest velocity command of one controller, and brake when there is none."""
+"""The drives of the simulated arm: they obey the newest velocity command of one controller, and brake without one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tt_core.errors import check_array, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
 
-LARGEST = 100.0  # rad/s, beyond which a command is no velocity of a joint; 16 times the fastest limit
+LARGEST = 100.0  # rad/s, the largest command that is accepted and cut; 16 times the fastest limit
 
 
 @dataclass(frozen=True)

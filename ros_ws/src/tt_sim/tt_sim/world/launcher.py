@@ -1,9 +1,9 @@
 """The catapult machine at the opponent's end (dissertation Section 2.5.2, Tables 3.1 and 3.3).
 
-The tables have scales 3 to 5. For the others, 1, 2 and 6 to 10, forward speed and spin go on along a straight line, the scatter is that of
-the nearest row, and the head is raised as an operator would: so that the mean ball comes down at LANDING_X. Those rows are extrapolated,
-not measured: up to 13.6 m/s and 6,240 rpm, which is within what opponents play (9,129 rpm at most). Scale 1 is a lob, 5 to 6 m/s fast
-because of its way up: a ball that slow in x reaches the robot in one bounce only so.
+The tables have scales 3 to 5. Scales 1, 2 and 6 to 10 are extrapolated, not measured: forward speed and spin are continued along a straight
+line, the scatter is that of the nearest row, and the head is raised so that the mean ball lands at LANDING_X. This gives up to 13.6 m/s and
+6,240 rpm, which is within what opponents play (9,129 rpm at most). Scale 1 is a lob of 5 to 6 m/s: at its low forward speed, only a high
+ball reaches the robot in one bounce.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
-from tt_core.errors import TtError, check_range
+from tt_core.errors import BadChoice, TtError, check_range
 from tt_core.events import next_contact
 from tt_core.params import check, param
 from tt_core.physics import Physics
@@ -51,7 +51,7 @@ _AXES = {"top": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (0.0, 0.0, -1
 
 @dataclass(frozen=True)
 class LauncherParams:
-    """Where the machine stands and how much it scatters besides its tables."""
+    """Where the machine stands, and its scatter besides that of the tables."""
 
     x: float = param(2.62, "m", "x of the exit of the launcher's head", low=1.5, high=5.0)
     y: float = param(0.7625, "m", "y of the exit of the launcher's head; the middle of the table", low=0.0, high=1.525)
@@ -82,7 +82,7 @@ class LauncherParams:
     )
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Refuse values outside their range; the rate is 0 or one that the machine has."""
         if self.rate:
             check_range("rate", self.rate, *RATES)
         check(self)
@@ -93,12 +93,20 @@ Row = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @functools.cache
 def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
-    """Mean and scatter of v_x, v_z (m/s) and spin (rad/s); height: m, of the head, for the scales that the tables do not have.
+    """Return mean and standard deviation of v_x and v_z (m/s) and of the spin (rad/s).
 
-    Raises TtError for a kind that is none of KINDS, OutOfRange for a scale outside SCALES.
+    Args:
+        kind: One of KINDS.
+        scale: Whole number within SCALES.
+        height: m, of the head, for the scales that the tables do not have.
+
+    Raises:
+        BadChoice: There is no such kind.
+        OutOfRange: There is no such scale.
+        TtError: The scale is not a whole number.
     """
     if kind not in KINDS:
-        raise TtError(f"kind {kind!r} is none of {', '.join(KINDS)}")
+        raise BadChoice("kind", kind, KINDS)
     if scale != int(check_range("scale", scale, *SCALES)):
         raise TtError(f"scale = {scale} is not a whole number")
     rows = _TABLE.get(kind, _TABLE["side"])
@@ -117,9 +125,20 @@ def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
 
 
 def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generator) -> tuple[BallState, Array]:
-    """A ball at time 0 and its orientation (3, 3), ball to table, at random.
+    """Draw a ball at time 0 and its orientation.
 
-    Raises TtError for a kind that is none of KINDS or MIXED, OutOfRange for a scale outside SCALES.
+    Args:
+        kind: One of KINDS, or MIXED.
+        scale: Whole number within SCALES.
+        params: Of the machine.
+        rng: Of all that scatters.
+
+    Returns:
+        The ball, and (3, 3) ball to `table`, evenly distributed.
+
+    Raises:
+        BadChoice: There is no such kind.
+        OutOfRange: There is no such scale.
     """
     if kind == MIXED:
         kind = KINDS[rng.integers(len(KINDS))]
@@ -132,7 +151,13 @@ def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generat
 
 
 def shot(text: str) -> tuple[str, int]:
-    """("top", 3) from "top 3". Raises TtError for other words, and what `launch` raises for a kind or scale that there is not."""
+    """Return kind and scale of a shot from its text, e.g. ("top", 3) of "top 3".
+
+    Raises:
+        TtError: The text is not a kind and a scale.
+        BadChoice: There is no such kind.
+        OutOfRange: There is no such scale.
+    """
     kind, _, scale = text.partition(" ")
     if not scale.isdigit():
         raise TtError(f"shot {text!r} is not a kind and a scale, as in 'top 3'")

@@ -1,4 +1,4 @@
-"""What became of one ball, from the contacts of the true world."""
+"""What became of one ball, from its contacts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,23 @@ from tt_core.text_enum import TextEnum
 
 from .true_ball import Contact, Surface
 
-BEHIND = -1.5  # m in x: past the arm
-AFTER_LANDING = 0.1  # s that a returned ball is followed on
-NODE = 0.04  # s
+BEHIND = -1.5  # m, x of a ball that has passed the arm
+AFTER_LANDING = 0.1  # s, for which a ball is followed after its landing
+NODE = 0.04  # s between two integrated states; the cubic in between is off by 1e-5 m
 
 
 @njit(cache=True)
 def places(ball: Array, times: Array, air: Array) -> Array:
-    """(n, 3) m, of the ball (9,) in free flight at times (n,) s after it, rising: cubic between states NODE s apart, to 1e-5 m."""
+    """Return where a ball in free flight is, by a cubic between states NODE s apart.
+
+    Args:
+        ball: State (9,).
+        times: (n,) s after it, rising.
+        air: Coefficients of the air.
+
+    Returns:
+        (n, 3) m.
+    """
     out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
     start_position, start_velocity, end_position, end_velocity = start[:3], start[3:6], end[:3], end[3:6]
     model = air_coefficients(air)
@@ -53,24 +62,29 @@ class Result(TextEnum):
 
 @dataclass
 class Outcome:
-    """launched: the ball at time and place of the launch. contacts: all so far, in order of time."""
+    """A flight so far.
+
+    Attributes:
+        launched: The ball at its launch.
+        contacts: All so far, in order of time.
+    """
 
     launched: BallState
     contacts: list[Contact] = field(default_factory=list)
 
     @property
     def _struck(self) -> int | None:
-        """Which contact is with the racket."""
+        """Index of the first contact with the racket; None before it."""
         return next((i for i, c in enumerate(self.contacts) if c.surface is Surface.RACKET), None)
 
     @property
     def hit(self) -> Contact | None:
-        """The contact with the racket."""
+        """The first contact with the racket; None before it."""
         return None if (i := self._struck) is None else self.contacts[i]
 
     @property
     def landing(self) -> Contact | None:
-        """What the ball met first after the hit; a net that it got over does not count."""
+        """The first contact after the hit that is not the net; None before it."""
         return None if (i := self._struck) is None else next((c for c in self.contacts[i + 1 :] if c.surface is not Surface.NET), None)
 
     @property
@@ -90,21 +104,29 @@ class Outcome:
         return {Surface.TABLE: Result.OWN_HALF, Surface.RACKET: Result.SECOND_HIT}.get(landing.surface, Result.OFF_TABLE)
 
     def followed_until(self, longest: float) -> float:
-        """s, when nothing more of interest happens, as far as contacts tell; `longest` at most."""
+        """Return the time (s) until which the flight matters, as far as the contacts go; `longest` at most."""
         if (landing := self.landing) is not None:
             longest = min(longest, landing.before.time + AFTER_LANDING)
         floor = next((c.before.time for c in self.contacts if c.surface is Surface.FLOOR), longest)
         return min(longest, floor)
 
     def places(self, times: Array, air: Array) -> Array:
-        """(n, 3) m, of the ball at times (n,) s, rising, not before the launch. air: coefficients."""
+        """Return where the ball was.
+
+        Args:
+            times: (n,) s, rising, not before the launch.
+            air: Coefficients of the air.
+
+        Returns:
+            (n, 3) m.
+        """
         balls = [self.launched, *(contact.after for contact in self.contacts)]
         cuts = np.searchsorted(times, [*(ball.time for ball in balls), np.inf])
         parts = [places(ball.vector, times[a:b] - ball.time, air) for ball, a, b in zip(balls, cuts, cuts[1:], strict=False)]
         return np.concatenate(parts)
 
     def to_text(self) -> dict[str, Any]:
-        """All of it as text, balls as JSON lists [time, position, velocity, spin], null for what did not happen."""
+        """Return all of it as text: balls as JSON lists [time, position, velocity, spin], null for what did not happen."""
         hit, landing = self.hit, self.landing
         states = {
             "launched": self.launched,
@@ -116,7 +138,7 @@ class Outcome:
         return {"result": self.result.value, **rows, "offset": json.dumps(hit.offset if hit else None)}
 
     def over(self, ball: BallState | None, time: float) -> bool:
-        """Whether nothing more of interest happens to the ball, which is None when it is gone."""
+        """Return whether nothing more that matters happens to the ball, which is None when it lies; time: s."""
         if ball is None or (self.hit is None and ball.position[0] < BEHIND):
             return True
         return self.landing is not None and time > self.landing.before.time + AFTER_LANDING

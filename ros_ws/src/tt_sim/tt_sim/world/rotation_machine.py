@@ -1,4 +1,4 @@
-"""The rotation machine: a ball that turns where it is held, about the two printed axes (dissertation Section 2.5.1)."""
+"""The rotation machine of dissertation Section 2.5.1: a ball that is held and turns about one of two printed axes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from tt_vision.rig import VIEW_CENTRE
 
 AXES = ((-0.038, 0.999, -0.006), (-0.557, 0.814, 0.165))  # Section 2.5.1; the frame is not stated, in the scenario `table`
 SPEEDS = (1500, 2000, 2500, 3000)  # rpm
-HELD = Aerodynamics(drag=0.0, drag_h=0.0, lift=0.0, lift_h=0.0, gravity=0.0)  # what moves a ball that nothing moves
+HELD = Aerodynamics(drag=0.0, drag_h=0.0, lift=0.0, lift_h=0.0, gravity=0.0)  # of a ball that is held: it keeps place and spin
 
 
 def ball(number: int) -> BallState:
-    """At time 0: the axes by turns, then the speeds."""
+    """Return the ball of a trial at time 0; axes alternate, and after both comes the next speed."""
     axis, speed = AXES[number % len(AXES)], SPEEDS[number // len(AXES) % len(SPEEDS)]
     return BallState(0.0, np.array(VIEW_CENTRE), np.zeros(3), speed * RPM * np.array(axis) / np.linalg.norm(axis))

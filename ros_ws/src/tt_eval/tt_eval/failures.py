@@ -1,0 +1,27 @@
+"""Why a ball was not returned, stage by stage."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from tt_core.failures import Failure
+
+
+class EpisodeFailure(Enum):
+    """Codes of `tt_core.failures.Failure`, one for each stage; their values hold the failures of the stage itself."""
+
+    NOT_SEEN = "not seen"  # no burst of images
+    MEASUREMENT_REFUSED = "measurement refused: {cause}"
+    NO_STROKE = "no stroke: {causes}"
+    NO_SWING = "arm: {cause}"
+    NOT_RETURNED = "{result}"  # the arm swung
+
+
+class Causes(tuple[Failure, ...]):
+    """Several failures of one stage; as text each sentence once."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """Return the sentences, sorted."""
+        return "; ".join(sorted({str(failure) for failure in self}))
