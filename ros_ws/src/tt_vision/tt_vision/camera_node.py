@@ -26,6 +26,8 @@ from .capture.devices import DeviceCounts, DeviceParams
 from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
 from .rig import SIDES, high_speed_pair
 
+MATCHING = 0.3  # s, from the discovery of a subscriber until it has discovered the publisher, too
+
 
 @dataclass(frozen=True)
 class PlayParams:
@@ -113,6 +115,7 @@ class CameraNode(Node):
         end = time.monotonic() + self.play.wait
         while time.monotonic() < end and not all(is_heard(self, publisher) for publisher in self.images):
             time.sleep(0.05)
+        time.sleep(MATCHING)
         try:
             count = self.publish_once()
             while self.play.loop and self.context.ok():
