@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,6 +9,8 @@ import numpy as np
 from numba import njit
 from tt_core.interpolate import hermite
 from tt_core.states import Array
+
+from .vectors import Vector, norm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,64 +36,75 @@ class RacketMotion:
 
     @property
     def row(self) -> Array:
-        """Position, normal, velocity and angular velocity, (12,), of which `racket_track` is made."""
+        """Position, normal, velocity and angular velocity, (12,), as the kernels take it."""
         return np.concatenate([self.position, self.normal, self.velocity, self.turning])
 
 
 class RacketTrack(NamedTuple):
-    """The racket at instants `tick` apart, for the kernels; fields as those of RacketMotion, (n, 3) each."""
+    """The racket over time, for the kernels.
 
-    position: Array
-    normal: Array
-    velocity: Array
-    turning: Array
-    tick: float  # s
+    Attributes:
+        rows: (n, 12) of RacketMotion.row.
+        tick: s, between two rows.
+    """
+
+    rows: Array
+    tick: float
 
 
 class RacketInstant(NamedTuple):
-    """The racket at one instant, for the kernels, which fill its arrays; fields as those of RacketMotion, (3,) each."""
+    """The racket at one instant, for the kernels; fields as those of RacketMotion."""
 
-    position: Array
-    normal: Array
-    velocity: Array
-    turning: Array
-
-
-@njit(cache=True)
-def racket_track(rows: Array, tick: float) -> RacketTrack:
-    """Give names to the columns of rows (n, 12) of RacketMotion.row, `tick` s apart. The fields are views: writing them writes the rows."""
-    return RacketTrack(rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9:12], tick)
+    position: Vector
+    normal: Vector
+    velocity: Vector
+    turning: Vector
 
 
 @njit(cache=True)
-def racket_at(track: RacketTrack, time: float, out: RacketInstant) -> None:
+def racket_instant(row: Array) -> RacketInstant:
+    """Give names to the numbers of RacketMotion.row, (12,)."""
+    return RacketInstant(
+        Vector(row[0], row[1], row[2]), Vector(row[3], row[4], row[5]), Vector(row[6], row[7], row[8]), Vector(row[9], row[10], row[11])
+    )
+
+
+@njit(cache=True)
+def racket_at(track: RacketTrack, time: float) -> RacketInstant:
     """Interpolate the racket: Hermite in position, linear in the rest; before and after the track it is as at its ends.
 
     Args:
         track: The racket.
-        time: s after its first instant.
-        out: Is filled.
+        time: s after its first row.
     """
-    last = len(track.position) - 1
-    i = min(max(0, int(time / track.tick)), max(0, last - 1))
-    j = min(i + 1, last)
-    u = min(1.0, max(0.0, time / track.tick - i))
-    for k in range(3):
-        out.position[k] = hermite(track.position[i, k], track.velocity[i, k], track.position[j, k], track.velocity[j, k], track.tick, u)
-        out.normal[k] = (1.0 - u) * track.normal[i, k] + u * track.normal[j, k]
-        out.velocity[k] = (1.0 - u) * track.velocity[i, k] + u * track.velocity[j, k]
-        out.turning[k] = (1.0 - u) * track.turning[i, k] + u * track.turning[j, k]
-    norm = math.sqrt(out.normal[0] ** 2 + out.normal[1] ** 2 + out.normal[2] ** 2)
-    for k in range(3):
-        out.normal[k] /= norm
+    last, tick = len(track.rows) - 1, track.tick
+    i = min(max(0, int(time / tick)), max(0, last - 1))
+    start, end = racket_instant(track.rows[i]), racket_instant(track.rows[min(i + 1, last)])
+    share = min(1.0, max(0.0, time / tick - i))
+    p, q, v, w = start.position, end.position, start.velocity, end.velocity
+    normal = _between(start.normal, end.normal, share)
+    length = norm(normal)
+    return RacketInstant(
+        Vector(
+            hermite(p.x, v.x, q.x, w.x, tick, share), hermite(p.y, v.y, q.y, w.y, tick, share), hermite(p.z, v.z, q.z, w.z, tick, share)
+        ),
+        Vector(normal.x / length, normal.y / length, normal.z / length),
+        _between(v, w, share),
+        _between(start.turning, end.turning, share),
+    )
+
+
+@njit(cache=True)
+def _between(start: Vector, end: Vector, share: float) -> Vector:
+    rest = 1.0 - share
+    return Vector(rest * start.x + share * end.x, rest * start.y + share * end.y, rest * start.z + share * end.z)
 
 
 @njit(cache=True)
 def fastest_point(track: RacketTrack, radius: float) -> float:
     """Return a bound of the speed (m/s) of every point of a racket of that radius (m)."""
     fastest = 0.0
-    for i in range(len(track.position)):
-        v, w = track.velocity[i], track.turning[i]
-        speed = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2) + radius * math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
-        fastest = max(fastest, speed)
+    for i in range(len(track.rows)):
+        racket = racket_instant(track.rows[i])
+        fastest = max(fastest, norm(racket.velocity) + radius * norm(racket.turning))
     return fastest

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from numba import njit
 from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_THICKNESS, TABLE_WIDTH
-from tt_core.states import Array
 from tt_core.text_enum import TextEnum
 
 from .racket_motion import RacketInstant
+from .vectors import Vector, dot, norm, plus
 
 NET_THICKNESS = 0.002  # m
 
@@ -35,12 +35,15 @@ BY_NUMBER = {TABLE: Surface.TABLE, NET: Surface.NET, FLOOR: Surface.FLOOR, RACKE
 class Box(NamedTuple):
     """A body with edges along the axes: its least and largest coordinates, (3,) m each."""
 
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    low: Vector
+    high: Vector
 
 
-_TABLE_BOX = Box((0.0, 0.0, -TABLE_THICKNESS), (TABLE_LENGTH, TABLE_WIDTH, 0.0))
-_NET_BOX = Box((NET_X - NET_THICKNESS / 2, -NET_OVERHANG, 0.0), (NET_X + NET_THICKNESS / 2, TABLE_WIDTH + NET_OVERHANG, NET_HEIGHT))
+_TABLE_BOX = Box(Vector(0.0, 0.0, -TABLE_THICKNESS), Vector(TABLE_LENGTH, TABLE_WIDTH, 0.0))
+_NET_BOX = Box(
+    Vector(NET_X - NET_THICKNESS / 2, -NET_OVERHANG, 0.0), Vector(NET_X + NET_THICKNESS / 2, TABLE_WIDTH + NET_OVERHANG, NET_HEIGHT)
+)
+_UP = Vector(0.0, 0.0, 1.0)
 
 
 class BallShape(NamedTuple):
@@ -54,87 +57,73 @@ class BallShape(NamedTuple):
     racket_radius: float
 
 
+class Gap(NamedTuple):
+    """What is between a ball and a body.
+
+    Attributes:
+        distance: m, between their surfaces; negative when the ball is inside.
+        normal: Unit vector from the nearest point of the body to the centre of the ball.
+    """
+
+    distance: float
+    normal: Vector
+
+
 @njit(cache=True)
-def distance(surface: int, ball: Array, racket: RacketInstant, shape: BallShape, normal: Array) -> float:
-    """Return the distance (m) between the surfaces of a ball and a body.
+def gap_to(surface: int, ball: Vector, racket: RacketInstant, shape: BallShape) -> Gap:
+    """Return the gap between a ball and a body.
 
     Args:
         surface: TABLE, NET, FLOOR or RACKET.
-        ball: State, (9,); its position counts.
+        ball: m, its centre.
         racket: At the same instant.
         shape: Sizes.
-        normal: (3,) is filled with the unit vector from the nearest point of the body to the ball.
     """
     if surface == FLOOR:
-        normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
-        return ball[2] - FLOOR_Z - BALL_RADIUS
+        return Gap(ball.z - FLOOR_Z - BALL_RADIUS, _UP)
     if surface == RACKET:
-        return _to_disc(ball, racket, shape, normal)
-    if surface == TABLE:
-        return _to_box(ball, _TABLE_BOX, normal) - shape.contact_height
-    return _to_box(ball, _NET_BOX, normal) - BALL_RADIUS
+        away = _from_disc(ball, racket, shape.racket_radius)
+    elif surface == TABLE:
+        away = _from_box(ball, _TABLE_BOX)
+    else:
+        away = _from_box(ball, _NET_BOX)
+    offset, length = away.offset, away.length
+    # a centre that is deep inside, which only a ball put there can have, has no nearest point
+    normal = Vector(offset.x / length, offset.y / length, offset.z / length) if length > 0.0 else _UP
+    return Gap(length - (BALL_RADIUS if surface == NET else shape.contact_height), normal)
+
+
+class _Away(NamedTuple):
+    """The vector from the nearest point of a body to the centre of the ball, and its length, m."""
+
+    offset: Vector
+    length: float
 
 
 @njit(cache=True)
-def _to_disc(ball: Array, racket: RacketInstant, shape: BallShape, normal: Array) -> float:
-    high = 0.0
-    for k in range(3):
-        high += racket.normal[k] * (ball[k] - racket.position[k])
-    aside = 0.0
-    for k in range(3):
-        normal[k] = ball[k] - racket.position[k] - high * racket.normal[k]
-        aside += normal[k] ** 2
-    aside = math.sqrt(aside)
-    beyond = max(0.0, aside - shape.racket_radius)  # of the rim
-    for k in range(3):
-        normal[k] = high * racket.normal[k] + (beyond / aside * normal[k] if beyond > 0.0 else 0.0)
-    length = math.sqrt(high * high + beyond * beyond)
-    _make_unit(normal, length)
-    return length - shape.contact_height
+def _from_disc(ball: Vector, racket: RacketInstant, radius: float) -> _Away:
+    offset, n = plus(ball, -1.0, racket.position), racket.normal
+    high = dot(n, offset)
+    aside = plus(offset, -high, n)
+    length = norm(aside)
+    beyond = max(0.0, length - radius)  # of the rim
+    share = beyond / length if beyond > 0.0 else 0.0
+    nearest = Vector(high * n.x + share * aside.x, high * n.y + share * aside.y, high * n.z + share * aside.z)
+    return _Away(nearest, math.sqrt(high * high + beyond * beyond))
 
 
 @njit(cache=True)
-def _to_box(ball: Array, box: Box, normal: Array) -> float:
-    length = 0.0
-    for k in range(3):
-        normal[k] = ball[k] - min(max(ball[k], box.low[k]), box.high[k])
-        length += normal[k] ** 2
-    length = math.sqrt(length)
-    _make_unit(normal, length)
-    return length
+def _from_box(ball: Vector, box: Box) -> _Away:
+    offset = Vector(
+        ball.x - min(max(ball.x, box.low.x), box.high.x),
+        ball.y - min(max(ball.y, box.low.y), box.high.y),
+        ball.z - min(max(ball.z, box.low.z), box.high.z),
+    )
+    return _Away(offset, norm(offset))
 
 
 @njit(cache=True)
-def _make_unit(normal: Array, length: float) -> None:
-    if length > 0.0:
-        for k in range(3):
-            normal[k] /= length
-    else:  # deep inside, which only a ball put there can be
-        normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
-
-
-@njit(cache=True)
-def racket_point_velocity(ball: Array, racket: RacketInstant, reach: float, normal: Array) -> tuple[float, float, float]:
-    """Return the velocity (m/s) of the racket's point nearest to a ball.
-
-    Args:
-        ball: State, (9,).
-        racket: At the same instant.
-        reach: m, from that point to the centre of the ball.
-        normal: (3,) unit vector from that point to the ball.
-    """
-    a0 = ball[0] - reach * normal[0] - racket.position[0]
-    a1 = ball[1] - reach * normal[1] - racket.position[1]
-    a2 = ball[2] - reach * normal[2] - racket.position[2]
+def racket_point_velocity(arm: Vector, racket: RacketInstant) -> Vector:
+    """Return the velocity (m/s) of a point of the racket; arm: m, from the centre of its face to the point."""
     v, w = racket.velocity, racket.turning
-    return v[0] + w[1] * a2 - w[2] * a1, v[1] + w[2] * a0 - w[0] * a2, v[2] + w[0] * a1 - w[1] * a0
-
-
-@njit(cache=True)
-def distance_rate(surface: int, ball: Array, racket: RacketInstant, reach: float, normal: Array) -> float:
-    """Return the rate (m/s) at which the distance grows; arguments as of `racket_point_velocity`."""
-    rate = ball[3] * normal[0] + ball[4] * normal[1] + ball[5] * normal[2]
-    if surface == RACKET:
-        v = racket_point_velocity(ball, racket, reach, normal)
-        rate -= v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]
-    return rate
+    return Vector(v.x + w.y * arm.z - w.z * arm.y, v.y + w.z * arm.x - w.x * arm.z, v.z + w.x * arm.y - w.y * arm.x)

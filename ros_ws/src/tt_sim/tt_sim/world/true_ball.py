@@ -20,20 +20,9 @@ from tt_core.flight import MAX_STEP, AirCoefficients, ease, step
 from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
 from tt_core.states import Array, BallState
 
-from .racket_motion import RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at, racket_track
-from .surfaces import (
-    BY_NUMBER,
-    FLOOR,
-    NET,
-    NONE,
-    RACKET,
-    TABLE,
-    BallShape,
-    Surface,
-    distance,
-    distance_rate,
-    racket_point_velocity,
-)
+from .racket_motion import RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at
+from .surfaces import BY_NUMBER, FLOOR, NET, NONE, RACKET, TABLE, BallShape, Gap, Surface, gap_to, racket_point_velocity
+from .vectors import Vector, dot, norm, plus
 
 NET_RESTITUTION = 0.1  # of the speed towards the net, an assumption: cord and cloth give little back
 NET_DRAG = 0.1  # share of the speed along the net and of the spin that it takes, an assumption
@@ -76,12 +65,30 @@ class _Scene(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Arrays that kernels fill: the ball at a trial time, the racket then, and the unit vector between them."""
+    """Arrays that kernels fill."""
 
-    trial: Array  # (9,)
-    racket: RacketInstant
-    normal: Array  # (3,)
+    trial: Array  # (9,), the ball at a trial time
     work: Array  # (8, 3), of the integrator
+
+
+class _Approach(NamedTuple):
+    """Ball and body at a trial time.
+
+    Attributes:
+        gap: Between them.
+        rate: m/s, at which the distance grows.
+        racket: The racket then, if that is the body.
+        arm: m, from the centre of its face to its point nearest to the ball.
+    """
+
+    gap: Gap
+    rate: float
+    racket: RacketInstant
+    arm: Vector
+
+
+_ORIGIN = Vector(0.0, 0.0, 0.0)
+_NOWHERE = RacketInstant(_ORIGIN, _ORIGIN, _ORIGIN, _ORIGIN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,32 +111,41 @@ class Contact:
 
 
 @njit(cache=True)
-def _distance_after(surface: int, ball: Array, duration: float, now: float, scene: _Scene, scratch: _Scratch) -> tuple[float, float]:
-    """Return distance (m) and its rate (m/s) `duration` s after `ball`, which is at `now` s of the racket's track."""
+def _approach(surface: int, ball: Array, duration: float, now: float, scene: _Scene, scratch: _Scratch) -> _Approach:
+    """Return ball and body `duration` s after `ball` (9,), which is at `now` s of the racket's track.
+
+    The ball at that time is left in `scratch.trial`.
+    """
+    trial = scratch.trial
     if duration > 0.0:
-        step(ball, duration, scene.air, scratch.trial, scratch.work)
+        step(ball, duration, scene.air, trial, scratch.work)
     else:
-        scratch.trial[:] = ball
+        trial[:] = ball
+    racket = racket_at(scene.racket, now + duration) if surface == RACKET else _NOWHERE
+    place, velocity = Vector(trial[0], trial[1], trial[2]), Vector(trial[3], trial[4], trial[5])
+    gap = gap_to(surface, place, racket, scene.shape)
+    rate, arm = dot(velocity, gap.normal), _ORIGIN
     if surface == RACKET:
-        racket_at(scene.racket, now + duration, scratch.racket)
-    gap = distance(surface, scratch.trial, scratch.racket, scene.shape, scratch.normal)
-    reach = gap + scene.shape.contact_height
-    return gap, distance_rate(surface, scratch.trial, scratch.racket, reach, scratch.normal)
+        arm = plus(plus(place, -(gap.distance + scene.shape.contact_height), gap.normal), -1.0, racket.position)
+        rate -= dot(racket_point_velocity(arm, racket), gap.normal)
+    return _Approach(gap, rate, racket, arm)
 
 
 @njit(cache=True)
 def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Scene, scratch: _Scratch) -> float:
-    """Return the time (s) to the contact within h s, a small step; inf without one. Arguments as of `_distance_after`."""
-    gap, rate = _distance_after(surface, ball, 0.0, now, scene, scratch)
-    if gap <= 0.0 and rate <= 0.0:
+    """Return the time (s) to the contact within h s, a small step; inf without one. Arguments as of `_approach`."""
+    begin = _approach(surface, ball, 0.0, now, scene, scratch)
+    rate = begin.rate
+    if begin.gap.distance <= 0.0 and rate <= 0.0:
         return 0.0
-    end_gap, end_rate = _distance_after(surface, ball, h, now, scene, scratch)
+    end = _approach(surface, ball, h, now, scene, scratch)
+    end_gap, end_rate = end.gap.distance, end.rate
     low, high = 0.0, h
     if (rate > 0.0 and end_gap <= 0.0) or (rate <= 0.0 and end_gap > 0.0 and end_rate > 0.0):  # by way of the furthest or the nearest point
         a, b = 0.0, h
         for _ in range(HALVINGS):
             middle = 0.5 * (a + b)
-            grows = _distance_after(surface, ball, middle, now, scene, scratch)[1] > 0.0
+            grows = _approach(surface, ball, middle, now, scene, scratch).rate > 0.0
             if grows == (rate > 0.0):
                 a = middle
             else:
@@ -138,13 +154,13 @@ def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Sc
             low = b
         else:
             high = b
-            if _distance_after(surface, ball, high, now, scene, scratch)[0] > 0.0:
+            if _approach(surface, ball, high, now, scene, scratch).gap.distance > 0.0:
                 return np.inf
     elif end_gap > 0.0:
         return np.inf
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _distance_after(surface, ball, middle, now, scene, scratch)[0] <= 0.0:
+        if _approach(surface, ball, middle, now, scene, scratch).gap.distance <= 0.0:
             high = middle
         else:
             low = middle
@@ -173,30 +189,23 @@ def _rebound_net(v: Array, w: Array, normal: Array, rate: float) -> None:
 
 
 @njit(cache=True)
-def _rebound(surface: int, ball: Array, gap: float, rate: float, scratch: _Scratch, physics: PhysicsCoefficients) -> tuple[float, bool]:
-    """Change the ball (9,), in place, as the surface does; return `offset` and `edge` of CONTACT_LOG.
-
-    gap, rate: m and m/s, of the distance.
-    """
-    v, w, normal, racket = ball[3:6], ball[6:9], scratch.normal, scratch.racket
+def _rebound(surface: int, ball: Array, approach: _Approach, physics: PhysicsCoefficients) -> tuple[float, bool]:
+    """Change the ball (9,), in place, as the surface does at the contact; return `offset` and `edge` of CONTACT_LOG."""
+    v, w, n = ball[3:6], ball[6:9], approach.gap.normal
+    normal = np.array([n.x, n.y, n.z])
     if surface == TABLE:
-        if normal[2] > 1.0 - 1e-12:
+        if n.z > 1.0 - 1e-12:
             rebound_table(v, w, physics.table)
             return 0.0, False
         _rebound_edge(v, w, normal, physics.table)
         return 0.0, True
     if surface == NET:
-        _rebound_net(v, w, normal, rate)
-        return 0.0, abs(normal[2]) > 1e-12
+        _rebound_net(v, w, normal, approach.rate)
+        return 0.0, abs(n.z) > 1e-12
     if surface == RACKET:
-        reach = gap + physics.contact_height
-        point = np.array(racket_point_velocity(ball, racket, reach, normal))
-        rebound_racket(v, w, point, normal, physics.racket)
-        across = normal[0] * racket.normal[0] + normal[1] * racket.normal[1] + normal[2] * racket.normal[2]
-        square = 0.0
-        for k in range(3):
-            square += (ball[k] - reach * normal[k] - racket.position[k]) ** 2
-        return math.sqrt(square), abs(across) < 1.0 - 1e-9
+        point = racket_point_velocity(approach.arm, approach.racket)
+        rebound_racket(v, w, np.array([point.x, point.y, point.z]), normal, physics.racket)
+        return norm(approach.arm), abs(dot(n, approach.racket.normal)) < 1.0 - 1e-9
     return 0.0, False
 
 
@@ -221,18 +230,16 @@ def travel(
         The number of contacts, the time when the flight ended, and whether the ball is still in play: not on the floor, not lying.
     """
     physics = physics_coefficients(models.physics)
-    scene = _Scene(physics.air, racket_track(rackets, tick), BallShape(physics.contact_height, models.racket_radius))
-    racket = RacketInstant(np.empty(3), np.empty(3), np.empty(3), np.empty(3))
-    scratch = _Scratch(np.empty(9), racket, np.empty(3), np.empty((8, 3)))
+    scene = _Scene(physics.air, RacketTrack(rackets, tick), BallShape(physics.contact_height, models.racket_radius))
+    scratch = _Scratch(np.empty(9), np.empty((8, 3)))
     soonest = np.empty(5)  # s, in which each surface can be reached at the earliest
     fastest = 1.0 + fastest_point(scene.racket, models.racket_radius)
     n = 0
     while until - now > 1e-12:
         speed = 1.0 + math.sqrt(ball[3] ** 2 + ball[4] ** 2 + ball[5] ** 2)
-        racket_at(scene.racket, now, racket)
+        racket, place = racket_at(scene.racket, now), Vector(ball[0], ball[1], ball[2])
         for surface in range(1, 5):
-            gap = distance(surface, ball, racket, scene.shape, scratch.normal)
-            soonest[surface] = gap / (speed + (fastest if surface == RACKET else 0.0))
+            soonest[surface] = gap_to(surface, place, racket, scene.shape).distance / (speed + (fastest if surface == RACKET else 0.0))
         safe = min(MAX_STEP * ease(ball, physics.air), soonest[1:].min())
         if safe > SMALL_STEP:
             h = min(safe, until - now)
@@ -250,16 +257,16 @@ def travel(
             step(ball, h, physics.air, ball, scratch.work)
             now += h
             continue
-        gap, rate = _distance_after(met, ball, first, now, scene, scratch)
+        approach = _approach(met, ball, first, now, scene, scratch)
         ball[:] = scratch.trial
         now += first
         contact = log[n]
         contact.surface, contact.time = met, now
         contact.before[:] = ball
-        contact.offset, contact.edge = _rebound(met, ball, gap, rate, scratch, physics)
+        contact.offset, contact.edge = _rebound(met, ball, approach, physics)
         contact.after[:] = ball
         n += 1
-        lies = met == FLOOR or (met == TABLE and -rate < LYING)
+        lies = met == FLOOR or (met == TABLE and -approach.rate < LYING)
         if lies or n == len(log):
             return n, now, False
     return n, now, True
@@ -269,12 +276,12 @@ def contacts_from(log: np.ndarray, start: float) -> list[Contact]:
     """Return contacts from a log (n,) of CONTACT_LOG that `travel` has filled; start: s, of the first instant of the racket."""
     rows = log.copy()
     rows.flags.writeable = False
-    contacts = []
-    for row in rows:
-        time = start + float(row["time"])
-        before, after = _ball(time, row["before"]), _ball(time, row["after"])
-        contacts.append(Contact(BY_NUMBER[int(row["surface"])], before, after, float(row["offset"]), bool(row["edge"])))
-    return contacts
+    surfaces, times, offsets, edges = (rows[name].tolist() for name in ("surface", "time", "offset", "edge"))
+    before, after = rows["before"], rows["after"]
+    return [
+        Contact(BY_NUMBER[surfaces[k]], _ball(start + times[k], before[k]), _ball(start + times[k], after[k]), offsets[k], edges[k])
+        for k in range(len(rows))
+    ]
 
 
 def _ball(time: float, row: Array) -> BallState:
