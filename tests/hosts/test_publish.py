@@ -5,7 +5,6 @@ import time
 import pytest
 from hosts.two_hosts import NotPossible, longest_publish
 
-
 BOUND = 0.3  # s; sockets that block took 0.95 s on the slow network, these 10 ms at most
 RUNS = 3  # a busy machine delays some runs, a socket that blocks delays each
 
