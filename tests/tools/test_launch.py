@@ -277,3 +277,21 @@ def test_nothing_is_started_again_when_all_end():
     with System([slow], lambda line: (told.append(line), "slow ended" in line and system.interrupt())) as system:
         assert system.wait(timeout=20.0)
     assert sum("started" in line for line in told) == 1
+
+
+@pytest.mark.parametrize("name", ["sim", "robot", "replay"])
+def test_further_parameters_come_after_those_of_the_robot(name, tmp_path):
+    """What calibrate and identify write wins over the file of the robot, and arguments win over both."""
+    (tmp_path / "found.yaml").write_text("/**/predict: {ros__parameters: {physics: measured}}")
+    given = {"record": "false", "more_params_file": str(tmp_path / "found.yaml"), "physics": "liu"}
+    found = processes(SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml", given | ({"bag": "bag"} if name == "replay" else {}))
+    (predict,) = [process for process in found if process.name == "predict"]
+    words = " ".join(predict.command)
+    assert words.index("pa10.yaml") < words.index("found.yaml") < words.index("physics:=liu")
+    with refused(LaunchError, tmp_path / "nothing.yaml"):
+        processes(
+            SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml",
+            given | {"more_params_file": str(tmp_path / "nothing.yaml"), "bag": "b"}
+            if name == "replay"
+            else given | {"more_params_file": str(tmp_path / "nothing.yaml")},
+        )

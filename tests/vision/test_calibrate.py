@@ -22,7 +22,7 @@ def run(monkeypatch, *words):
 def read(folder, name="left"):
     """The camera that the files describe."""
     inner = yaml.safe_load((folder / f"{name}.yaml").read_text())
-    outer = yaml.safe_load((folder / f"{name}_pose.yaml").read_text())["estimate"]["ros__parameters"]
+    outer = yaml.safe_load((folder / f"{name}_pose.yaml").read_text())["/**/estimate"]["ros__parameters"]
     matrix = np.reshape(inner["camera_matrix"]["data"], (3, 3))
     rotation, translation = np.reshape(outer[f"{name}.rotation"], (3, 3)), outer[f"{name}.translation"]
     lens = inner["distortion_coefficients"]["data"]

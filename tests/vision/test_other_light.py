@@ -43,7 +43,7 @@ def hand(frames, other, rng):
 
 
 @pytest.mark.parametrize(
-    "reason, change",
+    "kind, change",
     [
         ("no ball", second_ball),
         ("no ball", hand),
@@ -57,20 +57,20 @@ def hand(frames, other, rng):
     ],
     ids=["two balls", "a hand", "two different balls", "noise", "shuffled", "upside down", "swapped cameras", "dark", "overexposed"],
 )
-def test_what_is_no_ball_is_refused_by_name(painted, reason, change):
+def test_what_is_no_ball_is_refused_by_name(painted, kind, change):
     for seed, (frames, times, _, easel) in enumerate(painted):
         bad = change(frames, painted[seed - 1][0], np.random.default_rng(seed))
         result = measure(*bad, times, easel.cameras)
         assert result.ball is None, seed
         code, left_out = result.reason.code, set(result.left_out)
-        if reason == "no ball":  # in each image by itself, in its outlines or in its marks
+        if kind == "no ball":  # in each image by itself, in its outlines or in its marks
             assert isinstance(code, (MotionReason, SpinReason)) or (
                 code is MeasurementReason.FEW_FRAMES and left_out & {DetectionReason.NOT_ROUND, DetectionReason.NOT_WHOLE}
             ), (seed, result.reason)
-        elif reason == "swapped":
+        elif kind == "swapped":
             assert code is MeasurementReason.SWAPPED, (seed, result.reason)
         else:
-            assert code is MeasurementReason.FEW_FRAMES and result.left_out == {DetectionReason[reason.upper()]: 6}, (seed, result.reason)
+            assert code is MeasurementReason.FEW_FRAMES and result.left_out == {DetectionReason[kind.upper()]: 6}, (seed, result.reason)
 
 
 def test_a_spin_that_only_one_camera_agrees_to_is_refused():

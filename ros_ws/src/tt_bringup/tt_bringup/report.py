@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import sys
 from collections import defaultdict
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from plotly.subplots import make_subplots
 from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
 from tt_core.ros.bags import Bag
+from tt_eval.page import Section, Table, html_page
 
 from .demo_metrics import DemoMetrics
 
@@ -117,7 +117,9 @@ def latencies(found: dict[str, list[Any]]) -> go.Figure:
     return figure.update_layout(title="Latency since the last frame", yaxis_title="ms", showlegend=False, height=420)
 
 
-def _table(scores: Sequence[DemoMetrics]) -> str:
+def _table(scores: Sequence[DemoMetrics]) -> Table:
+    """Return a column for each ball, a row for each metric."""
+
     def cell(value: object) -> str:
         if isinstance(value, float):
             return f"{value:.4g}"
@@ -125,30 +127,24 @@ def _table(scores: Sequence[DemoMetrics]) -> str:
             return ", ".join(f"{v:.4g}" for v in value)
         return "" if value is None else str(value)
 
-    if not scores:
-        return ""
-    keys = list(scores[0].as_dict())
-    rows = [[html.escape(cell(s.as_dict()[key])) for s in scores] for key in keys]
-    body = "".join(f"<tr><th>{key}</th>{''.join(f'<td>{c}</td>' for c in row)}</tr>" for key, row in zip(keys, rows, strict=True))
-    return f"<table>{body}</table>"
-
-
-STYLE = """
-body { font-family: sans-serif; max-width: 1200px; margin: 2em auto }
-table { border-collapse: collapse }
-td, th { padding: .2em .6em; text-align: left }
-tr:nth-child(even) { background: #f3f3f3 }
-"""
+    columns = [score.as_dict() for score in scores]
+    head = ["", *(f"ball {i}" for i in range(1, len(scores) + 1))]
+    return Table(head, [[key, *(cell(column[key]) for column in columns)] for key in columns[0]])
 
 
 def page(bag: Path, scores: Sequence[DemoMetrics] = ()) -> str:
-    """One HTML page that needs no network."""
+    """Return the page of a run, which needs no network.
+
+    Args:
+        bag: The recording.
+        scores: Metrics of its balls, if there are any.
+
+    Raises:
+        BagError: The bag cannot be read, or holds several robots.
+    """
     found = read(bag)
-    figures = [flights(found), latencies(found), joints(found)]
-    parts = [f.to_html(full_html=False, include_plotlyjs=i == 0) for i, f in enumerate(figures)]
-    title = html.escape(str(bag))
-    return (
-        f"<!doctype html><meta charset=utf-8><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>{_table(scores)}{''.join(parts)}"
+    return html_page(
+        str(bag), [Section(tables=[_table(scores)] if scores else (), figures=[flights(found), latencies(found), joints(found)])]
     )
 
 

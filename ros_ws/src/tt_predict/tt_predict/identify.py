@@ -286,7 +286,7 @@ def identify(
 
 
 def write_parameters(found: Identified, base: str, path: Path) -> None:
-    """Write a ROS parameter file that every node and every launch file takes (`params_file:=`).
+    """Write a ROS parameter file for all nodes that use the models, which launch files take as `more_params_file:=`.
 
     Args:
         found: The coefficients.
@@ -294,14 +294,15 @@ def write_parameters(found: Identified, base: str, path: Path) -> None:
         path: Where the file goes.
     """
     lines = [f"# identified; behind each value half the width of its 95 % interval; rms {1e3 * found.rms[1]:.2f} mm"]
-    lines += ["/**:", "  ros__parameters:", f"    physics: {base}"]
-    lines += [f"    {n}: {float(v)!r} # {h:.2g}" for n, v, h in zip(found.names, found.values, found.intervals, strict=True)]
+    values = [f"    {n}: {float(v)!r} # {h:.2g}" for n, v, h in zip(found.names, found.values, found.intervals, strict=True)]
+    for node in NODES:
+        lines += [f"/**/{node}:", "  ros__parameters:", f"    physics: {base}", *values]
     path.write_text("\n".join(lines) + "\n")
 
 
-EPILOG = """The output is a file of ROS parameters for all nodes (key /**:). Give it to a launch file in place of its own,
-"ros2 launch tt_bringup sim.launch.yaml params_file:=identified.yaml", so that all other parameters have their defaults, or to one node with
-"--ros-args --params-file identified.yaml"."""
+NODES = ("estimate", "predict", "racket")  # that use the models
+EPILOG = """The output is a file of ROS parameters for the nodes that use the models. Give it to a launch file beside its own, "ros2 launch
+tt_bringup sim.launch.yaml more_params_file:=identified.yaml", or to one node with "--ros-args --params-file identified.yaml"."""
 
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:

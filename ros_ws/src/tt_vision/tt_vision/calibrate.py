@@ -131,7 +131,7 @@ def intrinsics(camera: Camera, name: str) -> dict:
 def pose(camera: Camera, name: str) -> dict:
     """Return the parameters of estimate_node that hold the pose of a camera of that name."""
     values = {f"{name}.rotation": camera.rotation.ravel().tolist(), f"{name}.translation": camera.translation.tolist()}
-    return {"estimate": {"ros__parameters": values}}
+    return {"/**/estimate": {"ros__parameters": values}}
 
 
 def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:

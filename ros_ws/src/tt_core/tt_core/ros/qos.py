@@ -1,4 +1,4 @@
-"""Quality of service by kind of data, see the table of topics in ARCHITECTURE.md."""
+"""Quality of service by kind of data, see docs/interfaces.md."""
 
 from collections.abc import Sequence
 
