@@ -18,7 +18,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tt_core.ros.diagnostics import Event, Told
+from tt_core.ros.diagnostics import Event, ReceivedStatus
 
 TOOLS = ("ip", "unshare", "nsenter", "mount", "setpriv")
 CABLE = "cable"  # name of the interface on either machine
@@ -118,7 +118,7 @@ class Session:
 
     folder: Path
     domain: int
-    told: list[Told] = field(default_factory=list)
+    told: list[ReceivedStatus] = field(default_factory=list)
     _running: list[subprocess.Popen[str]] = field(default_factory=list)
 
     def launch(self, machine: Machine, *arguments: str) -> subprocess.Popen[str]:
@@ -133,7 +133,7 @@ class Session:
 
         def read() -> None:
             for line in watch.stdout or ():
-                told = Told(**json.loads(line))
+                told = ReceivedStatus(**json.loads(line))
                 if not names or told.name in names:
                     self.told.append(told)
 
@@ -157,7 +157,7 @@ class Session:
                 raise TimeoutError(f"{what}: not within {bound:g} s; last told: {last}")
             time.sleep(0.02)
 
-    def balls(self, since: float = 0.0) -> list[Told]:
+    def balls(self, since: float = 0.0) -> list[ReceivedStatus]:
         """Return what the simulator told of each ball that was launched after `since` (s)."""
         over = [t for t in self.told if t.event is Event.BALL_OVER]
         return [ball for ball in over if json.loads(ball.values["launched"])[0] > since]
@@ -193,7 +193,7 @@ def longest_publish(one: Machine, other: Machine, folder: Path, domain: int, dis
         session.close()
 
 
-def is_hit(ball: Told) -> bool:
+def is_hit(ball: ReceivedStatus) -> bool:
     """Whether the racket touched the ball."""
     return json.loads(ball.values["hit"]) is not None
 

@@ -163,7 +163,7 @@ class ArmNode(Node):
         except Exception as error:  # whatever it is, the arm must stop
             self.commands.publish(Float64MultiArray(data=self.control.fail(error, now).tolist()))
             self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
-            self.tell(self.control.guard.latched)
+            self.publish_stop(self.control.guard.latched)
             return
         self.send(step)
 
@@ -181,11 +181,11 @@ class ArmNode(Node):
         """Publish a command, and what is to be reported with it."""
         self.commands.publish(Float64MultiArray(data=step.command.tolist()))
         if step.begun is not None:
-            self.status.tell(Event.FIRST_COMMAND, stamp=self.frame_time)
+            self.status.publish(Event.FIRST_COMMAND, stamp=self.frame_time)
         if step.interrupted:  # the stroke may still be made from where the arm is now
             self.strokes = self.strokes or self.planned
             self.arrival.set()
-        self.tell(step.reason)
+        self.publish_stop(step.reason)
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
         """Pass strokes to the planning thread. Older ones that it has not taken yet are replaced."""
@@ -210,22 +210,22 @@ class ArmNode(Node):
             except Exception as error:  # the servo goes on without a new plan
                 if not self.ending:
                     self.get_logger().error(f"planning failed: {type(error).__name__}: {error}", throttle_duration_sec=1.0)
-                    self.status.tell(f"planning failed: {type(error).__name__}: {error}", warn=True)
+                    self.status.publish(f"planning failed: {type(error).__name__}: {error}", warn=True)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
         """Plan for strokes, and publish the swing or why there is none."""
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
+            self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
             return
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
-            self.status.tell(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
+            self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
             return
         self.frame_time = stamp
-        self.status.tell(
+        self.status.publish(
             Event.SWING,
             stamp=stamp,
             reason=first,
@@ -278,12 +278,12 @@ class ArmNode(Node):
         """Return the time (s) by the monotonic clock, in simulated seconds where time is simulated."""
         return time.monotonic() * self.rtf
 
-    def tell(self, reason: Failure | None) -> None:
+    def publish_stop(self, reason: Failure | None) -> None:
         """Report what stops the arm, or makes it do less than its swing asks, when that changes, at most each TELL (s)."""
         kind, now = "" if reason is None else reason.code.name, time.monotonic()
         if kind != self.told and now > self.told_at + TELL:
             self.told, self.told_at = kind, now
-            self.status.tell(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
+            self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
 
     def close(self) -> None:
         """Bring the arm to rest before the context ends."""
@@ -298,7 +298,7 @@ class ArmNode(Node):
         self.ending = True
         self.arrival.set()
         self.told_at = 0.0
-        self.tell(failure)
+        self.publish_stop(failure)
         self.commands.wait_for_all_acked(Duration(seconds=0.2))
 
 

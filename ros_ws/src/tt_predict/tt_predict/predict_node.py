@@ -67,7 +67,7 @@ class PredictNode(Node):
         except TtError as error:
             self.refused(error)
             return
-        self.status.tell(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
+        self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
         """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin."""

@@ -85,7 +85,7 @@ class RacketNode(Node):
         except TtError as error:
             self.bad_paths(error)
             return
-        self.status.tell(
+        self.status.publish(
             Event.STROKES,
             stamp=path.times[0],
             warn=not rackets,

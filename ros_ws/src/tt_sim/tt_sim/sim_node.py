@@ -159,7 +159,7 @@ class SimNode(Node):
         self.refused += 1
         if time.monotonic() - self.refusal_told >= PAUSE:
             self.refusal_told = time.monotonic()
-            self.status.tell(f"command refused: {error}", warn=True, refused=self.refused)
+            self.status.publish(f"command refused: {error}", warn=True, refused=self.refused)
 
     def check_sole_publisher(self) -> None:
         """Obey no one while more than one publishes commands."""
@@ -168,7 +168,7 @@ class SimNode(Node):
         if sole != self.drive.sole:
             self.drive.sole = sole
             text = "commands obeyed: one publisher" if sole else f"commands refused: {len(names)} publishers, {', '.join(sorted(names))}"
-            self.status.tell(text, warn=not sole)
+            self.status.publish(text, warn=not sole)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Launch the next ball, unless balls are launched at a rate or one is in flight."""
@@ -243,17 +243,17 @@ class SimNode(Node):
 
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""
-        self.status.tell("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
+        self.status.publish("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
 
     def report_record(self, record: ArmRecord) -> None:
         """Report the worst that the true arm did."""
         text = "bounds kept" if record.kept else "bound broken"
-        self.status.tell(text, part="arm record", warn=not record.kept, **record.to_text())
+        self.status.publish(text, part="arm record", warn=not record.kept, **record.to_text())
 
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
         """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""
         self.busy.clear()
-        self.status.tell(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
+        self.status.publish(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
 
     def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
         """Publish what `convert` makes of the values, in the message that was published there last."""

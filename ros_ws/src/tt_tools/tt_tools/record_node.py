@@ -105,7 +105,7 @@ class RecordNode(Node):
         print(f"recording to {output}", flush=True)
 
     def _look(self) -> None:
-        self._tell(self._recording.state())
+        self._report(self._recording.state())
         for name, kinds in self.get_topic_names_and_types():
             if name in self._seen or (self._wanted and name not in self._wanted) or (self._exclude and self._exclude.search(name)):
                 continue
@@ -113,7 +113,7 @@ class RecordNode(Node):
                 self._seen.add(name)
                 self._subscribe(name, kinds[0], offered)
 
-    def _tell(self, state: State) -> None:
+    def _report(self, state: State) -> None:
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
         changed = state.trouble != self._told.trouble
         losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
@@ -125,7 +125,7 @@ class RecordNode(Node):
             self.get_logger().warning(f"recording again; dropped so far: {sum(state.dropped.values())} messages")
         counts: dict[str, Any] = {"free_bytes": state.free, "queued_bytes": state.queued}
         losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
-        self._status.tell(state.trouble or "recording", warn=bool(state.trouble) or losing, **counts, **losses)
+        self._status.publish(state.trouble or "recording", warn=bool(state.trouble) or losing, **counts, **losses)
         self._told, self._when = state, time.monotonic()
 
     def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:

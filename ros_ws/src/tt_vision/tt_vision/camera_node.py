@@ -92,7 +92,7 @@ class CameraNode(Node):
         self.size = first.image.shape
         self.publish_info(self.size[1], self.size[0])
         if self.source.kind == "device":
-            self.create_timer(1.0, lambda: self.status.tell("capturing", **asdict(self.counts)))
+            self.create_timer(1.0, lambda: self.status.publish("capturing", **asdict(self.counts)))
         threading.Thread(target=self.publish_all, daemon=True).start()
 
     def read_images(self) -> Generator[StampedImage, None, None]:
@@ -120,9 +120,9 @@ class CameraNode(Node):
             count = self.publish_once()
             while self.play.loop and self.context.ok():
                 count += self.publish_once()
-            self.status.tell("end of the source", images=count)
+            self.status.publish("end of the source", images=count)
         except TtError as error:
-            self.status.tell(f"stopped: {error}", warn=True)
+            self.status.publish(f"stopped: {error}", warn=True)
         except RuntimeError:  # published into a context that a signal has just ended
             if self.context.ok():
                 raise

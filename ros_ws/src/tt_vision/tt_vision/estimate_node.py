@@ -171,7 +171,7 @@ class EstimateNode(Node):
         self.balls.publish(ball_to_message(result.ball))
         self.measured += not burst.refined
         spin_rpm = np.round(result.ball.spin / RPM).astype(int).tolist()
-        self.status.tell(
+        self.status.publish(
             Event.REFINED if burst.refined else Event.MEASURED,
             stamp=last,
             **self._counts(),
@@ -183,7 +183,7 @@ class EstimateNode(Node):
     def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
         """Tell why a burst is not measured. stamp: of its last frame, s."""
         self.refused += 1
-        self.status.tell(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
+        self.status.publish(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
 
     def _counts(self) -> dict[str, Any]:
         """Return how many balls were measured and refused, and which images were not used."""

@@ -74,7 +74,7 @@ class ClockMonitor:
         Input(node, TimeReference, PONG, self._on_pong, SENSOR, largest=LARGEST, refused=lambda error: _warn(node, error))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(PERIOD, self._ask, clock=steady)
-        node.create_timer(TOLD, self._tell, clock=steady)
+        node.create_timer(TOLD, self._report, clock=steady)
 
     def worst(self) -> ClockOffset | None:
         """Return the clock that is off by the most beyond its uncertainty, or None while no node has answered within 10 s."""
@@ -95,13 +95,13 @@ class ClockMonitor:
         if pong.header.frame_id == self._node.get_name() and (pong.time_ref.sec, pong.time_ref.nanosec) in self._asked:
             self._offsets.add(pong.source, seconds(pong.time_ref), seconds(pong.header.stamp), now)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         worst = self.worst()
         if worst is None:
             return
         known = self._offsets.all(self._now())
         milliseconds = {clock.source: (round(1e3 * clock.offset, 3), round(1e3 * clock.uncertainty, 3)) for clock in known}
-        self._status.tell(
+        self._status.publish(
             "clock offsets",
             warn=worst.least > self._bound,
             worst=worst.source,

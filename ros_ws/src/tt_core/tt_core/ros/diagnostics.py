@@ -1,4 +1,4 @@
-"""What a node tells about itself on /diagnostics."""
+"""The diagnostics of a node: what it publishes about itself, and how others read it."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Event(Enum):
     BALL_OVER = "ball over"
 
 
-class Told(NamedTuple):
-    """One status that was received.
+class ReceivedStatus(NamedTuple):
+    """A status that was received.
 
     Attributes:
         time: s.
@@ -63,7 +63,7 @@ class Status:
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
 
-    def tell(
+    def publish(
         self,
         what: Event | str,
         *,
@@ -81,7 +81,7 @@ class Status:
             stamp: Time of the last frame that the result rests on, s; the status holds the latency since then.
             warn: Whether it is a warning.
             reason: Why something was not done; the status holds its sentence as `reason`, its code as `code`, and its numbers by name.
-            values: What else is told.
+            values: What else is published, by its key.
         """
         if stamp is not None:
             latency = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
@@ -89,12 +89,12 @@ class Status:
         if reason is not None:
             values = {"reason": reason, "code": reason.code.name, **reason.values, **values}
         if isinstance(what, Event):
-            self._publish(part, what.value, warn, {"event": what.name, **values})
+            self._send(part, what.value, warn, {"event": what.name, **values})
         else:
-            self._publish(part, what, warn, values)
+            self._send(part, what, warn, values)
 
     def wait_for(self, inputs: Sequence[Input]) -> None:
-        """Tell from now on, once a second, whether all inputs have a publisher, as the status "NODE: inputs".
+        """Publish from now on, once a second, whether all inputs have a publisher, as the status "NODE: inputs".
 
         Args:
             inputs: What the node needs. The status holds the number of publishers of each by its topic.
@@ -105,11 +105,11 @@ class Status:
             waiting = [one.topic for one in inputs if not one.publishers]
             message = f"waiting for a publisher of {', '.join(waiting)}" if waiting else "ready"
             warn = bool(waiting) and time.monotonic() > warn_from
-            self._publish("inputs", message, warn, {one.topic: one.publishers for one in inputs})
+            self._send("inputs", message, warn, {one.topic: one.publishers for one in inputs})
 
         self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _publish(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
+    def _send(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
             name=f"{self._name}: {part}" if part else self._name,
@@ -121,7 +121,7 @@ class Status:
         self._publisher.publish(array)
 
 
-def read_status(message: DiagnosticArray) -> list[Told]:
+def read_status(message: DiagnosticArray) -> list[ReceivedStatus]:
     """Return all statuses of a message."""
     time = seconds(message.header.stamp)
-    return [Told(time, s.name, s.message, {v.key: v.value for v in s.values}) for s in message.status]
+    return [ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}) for s in message.status]

@@ -34,4 +34,4 @@ class Refusals:
         if now >= self._last + INTERVAL:
             left_out, self._told, self._last = self.total - self._told - 1, self.total, now
             values = {"code": type(error).__name__, **vars(error), "total": self.total, "left_out": left_out}
-            self._status.tell(f"{self._what} refused: {error}", warn=True, **values)
+            self._status.publish(f"{self._what} refused: {error}", warn=True, **values)
