@@ -13,7 +13,7 @@ from .interpolate import interpolate_states
 from .path_end import PathEnd
 
 _set = object.__setattr__  # of frozen dataclasses
-_ROW_POSITION, _ROW_VELOCITY, _ROW_SPIN = slice(1, 4), slice(4, 7), slice(7, 10)  # columns of a path (n, 10)
+_ROW_POSITION, _ROW_VELOCITY, _ROW_SPIN = slice(1, 4), slice(4, 7), slice(7, 10)  # columns of a path (n, 10); column 0 is the time
 
 
 def _freeze(state: object, **shapes: tuple[int, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Strokes as they come in play, for the arm alone: no images, a ball that is known exactly, an arm with lag and noise."""
+"""Try the arm alone on the strokes of a rally: no images, the ball known exactly, a simulated arm with lag and noise."""
 
 from __future__ import annotations
 

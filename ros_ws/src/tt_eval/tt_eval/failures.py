@@ -23,5 +23,5 @@ class Causes(tuple[Failure, ...]):
     __slots__ = ()
 
     def __str__(self) -> str:
-        """Return the sentences, sorted."""
+        """Return the messages of the failures in alphabetical order, each once, separated by semicolons."""
         return "; ".join(sorted({str(failure) for failure in self}))

@@ -148,7 +148,7 @@ class SimNode(Node):
         self.loop.rate = launcher.rate
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """Keep a command, or refuse it."""
+        """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
         try:
             self.drive.take(message.data, time.monotonic())
         except TtError as error:
@@ -162,7 +162,7 @@ class SimNode(Node):
             self.status.publish(f"command refused: {error}", warn=True, refused=self.refused)
 
     def check_sole_publisher(self) -> None:
-        """Obey no one while more than one publishes commands."""
+        """Make the drive ignore all commands while more than one node publishes them."""
         names = [f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in self.get_publishers_info_by_topic(self.commands.topic)]
         sole = len(names) <= 1
         if sole != self.drive.sole:

@@ -67,7 +67,7 @@ class _Scene(NamedTuple):
 class _Scratch(NamedTuple):
     """Arrays that kernels fill."""
 
-    trial: Array  # (9,), the ball at a trial time
+    trial: Array  # (9,), work space: the ball at the times that the search for a contact tries
     work: Array  # (8, 3), of the integrator
 
 

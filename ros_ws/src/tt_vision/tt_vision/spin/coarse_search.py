@@ -117,7 +117,8 @@ def _maps(images: MarkImages, cube: np.ndarray) -> CoarseMaps:
                 w = marks[m, j, i].weight
                 if w <= 0.0:
                     continue
-                # the ball as a disc, turned by the small angle between its line of sight and the optical axis
+                # (a, b, c): the point of the unit sphere at this pixel, with c along the line of sight to the ball's centre;
+                # the small angle between that line and the optical axis then turns it into the camera's frame
                 a, b = (i - u0) / scale, (j - v0) / scale
                 c = -math.sqrt(max(0.0, 1.0 - a * a - b * b))
                 x, y, z = rotate_back(rotation, a + sx * c, b + sy * c, c - sx * a - sy * b)
