@@ -50,8 +50,7 @@ def test_a_closed_worker_renders_no_more(hire):
 
 def test_a_worker_that_has_ended_is_told(hire):
     worker = hire(LaunchRenderer())
-    (process,) = psutil.Process().children()
-    process.kill()
+    worker._process.kill()
     with pytest.raises(EOFError):
         worker.render("top", 3)
 
