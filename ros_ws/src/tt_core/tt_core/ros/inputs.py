@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +28,7 @@ class Input:
     Attributes:
         topic: The resolved name.
         publishers: How many publishers the topic had at the last look.
+        waited: s, that the message which was accepted last had been here before its callback, on a process that was held up.
     """
 
     def __init__(
@@ -53,7 +55,7 @@ class Input:
         """
         self._node, self._kind, self._callback, self._wanted = node, kind, callback, qos
         self._largest, self._refused = largest, refused
-        self.topic, self.publishers = node.resolve_topic_name(topic), 0
+        self.topic, self.publishers, self.waited = node.resolve_topic_name(topic), 0, 0.0
         self._asked = qos
         self._subscription = self._subscribe()
         node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -72,7 +74,8 @@ class Input:
         events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor
         return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
-    def _on_data(self, data: bytes) -> None:
+    def _on_data(self, data: bytes, info: dict[str, int]) -> None:
+        self.waited = max(0.0, 1e-9 * (time.time_ns() - info["received_timestamp"]))
         try:
             check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)
             message = deserialize_message(data, self._kind)
