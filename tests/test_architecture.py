@@ -81,8 +81,6 @@ def test_launch_files_remap_no_truth_to_the_robot():
 @pytest.mark.parametrize("path", [p for p in FILES if p.name.endswith("_node.py")], ids=relative)
 def test_a_node_has_an_executable(path):
     package = path.relative_to(SRC).parts[0]
-    if path.stem == "graph_node":  # behind words of the ros2 command
-        return
     assert any(f'start("{package}.{path.stem}")' in script.read_text() for script in (SRC / package / "scripts").iterdir())
 
 

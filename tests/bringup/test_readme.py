@@ -26,7 +26,7 @@ def test_there_is_something_to_check():
 def test_the_ros2_command_takes_the_line(words):
     args = parser().parse_args(words)
     if words[0] == "run":
-        assert packages.executable(args.package, args.executable).is_file()
+        assert packages.executable(args.package_name, args.executable_name).is_file()
     if words[0] == "launch":
         given = dict(word.split(":=", 1) for word in words if ":=" in word)
         assert launch.processes(packages.launch_file(*[word for word in words[1:] if ":=" not in word]), given)

@@ -17,7 +17,7 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from tt_core.errors import TtError
 from tt_core.params import check, param
@@ -29,12 +29,11 @@ from tt_core.ros.qos import compatible
 
 from .bagfile import RESERVE
 from .packages import NotFound, interface
+from .qos import ALL
 from .record import QUEUE, Recording, State
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
 TELL = 1.0  # s between two reports while messages are lost
-# messages that may wait: half a second of two cameras at 900 Hz
-ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
