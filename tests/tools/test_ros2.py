@@ -1,6 +1,7 @@
 """The words of the command line."""
 
 import shlex
+from pathlib import Path
 
 import pytest
 from refusals import refused
@@ -20,6 +21,9 @@ INDEX = "share/ament_index/resource_index/packages/tt_bringup"
         ("bag play bag --clock", {"clock": 40.0, "rate": 1.0}),
         ("bag play bag --clock 500 --rate 2 --topics /a /b", {"clock": 500.0, "rate": 2.0, "topics": ["/a", "/b"]}),
         ("bag play bag -m /a:=/b", {"clock": None, "remap": [("/a", "/b")]}),
+        ("bag play -i bag --loop --start-offset 2.5 --start-paused", {"bag": None, "input": Path("bag"), "start_offset": 2.5}),
+        ("bag record -s mcap -e ball -d 10 -b 1000000", {"regex": "ball", "max_bag_duration": 10.0, "max_bag_size": 1000000}),
+        ("bag info -s mcap -v bag", {"verbose": True, "bag": Path("bag")}),
         ("topic hz /a -w 10", {"topic_name": "/a", "window": 10}),
         ("run --prefix 'nice -n 5' tt_sim sim_node", {"prefix": "nice -n 5", "executable_name": "sim_node"}),
         ("topic echo /a --field x[0].y --csv --no-arr --once", {"field": "x[0].y", "csv": True, "no_arr": True, "once": True}),
@@ -54,7 +58,7 @@ def test_wrong_words_name_the_choices(words, named, capsys):
     [
         ("launch no/such.launch.yaml", "no/such.launch.yaml"),
         ("run tt_brinup x", "tt_brinup"),
-        ("bag record", "-a"),
+        ("bag record", "--all"),
         ("bag info /no/such", "/no/such"),
         ("bag reindex /no/such", "/no/such"),
         ("interface show std_msgs/msg/Sting", "std_msgs/msg/Sting"),

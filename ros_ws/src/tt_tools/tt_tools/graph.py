@@ -41,16 +41,29 @@ def graph(spin_time: float | None = None) -> Iterator[Node]:
         rclpy.try_shutdown()
 
 
+class Discovery:
+    """Tells whether a node has discovered the graph."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._begin = node, time.monotonic()
+        self._seen, self._since = -1, self._begin
+        self._least = REMOTE if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET") != "LOCALHOST" else 0.0
+
+    def is_complete(self) -> bool:
+        """Look again."""
+        now = time.monotonic()
+        if (count := _endpoints(self._node)) != self._seen:
+            self._seen, self._since = count, now
+        if now > self._begin + LONGEST:
+            return True
+        quiet = now > self._since + QUIET and now > self._begin + self._least
+        return quiet and _participants(self._node) >= ports(self._node.context.get_domain_id())
+
+
 def discover(node: Node) -> None:
     """Wait until `node` has discovered the graph."""
-    begin = time.monotonic()
-    least = REMOTE if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET") != "LOCALHOST" else 0.0
-    seen, since = -1, begin
-    while (now := time.monotonic()) < begin + LONGEST:
-        if (count := _endpoints(node)) != seen:
-            seen, since = count, now
-        if now > since + QUIET and now > begin + least and _participants(node) >= ports(node.context.get_domain_id()):
-            return
+    discovery = Discovery(node)
+    while not discovery.is_complete():
         time.sleep(POLL)
 
 

@@ -20,6 +20,7 @@ from tt_core.errors import TtError
 
 from .errors import GraphError
 from .graph import graph, nodes, services
+from .node_parameters import parameter_file
 
 PATIENCE = 10.0  # s, for a node to be discovered, and to answer
 TYPES = {  # as ros2cli names them: in a description, and before a value
@@ -134,21 +135,8 @@ def describe(node: str, names: list[str]) -> None:
 def dump(node: str) -> str:
     """Return all parameters of a node as the text of a parameter file, which can start the node again."""
     with connected(node) as client:
-        return parameter_file(client)
-
-
-def parameter_file(client: ParameterClient) -> str:
-    """Return all parameters of a node as the text of a parameter file. Raises TtError without an answer."""
-    names = client.names()
-    values = client.values(names)
-    content: dict[str, Any] = {}
-    for name, value in zip(names, map(parameter_value_to_python, values), strict=True):
-        *groups, last = name.split(".")
-        inner = content
-        for group in groups:
-            inner = inner.setdefault(group, {})
-        inner[last] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, (list, bytes)) else value
-    return str(yaml.safe_dump({client.name: {"ros__parameters": content}}, default_flow_style=False))
+        names = client.names()
+        return parameter_file(client.name, names, client.values(names))
 
 
 def load(node: str, file: Path) -> None:

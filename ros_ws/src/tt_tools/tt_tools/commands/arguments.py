@@ -75,29 +75,31 @@ def add_discovery(parser: ArgumentParser) -> None:
     parser.add_argument("--no-daemon", action="store_true", help="accepted: there is no daemon here")
 
 
-def _known(what: str) -> Callable[[Namespace], list[str]]:
-    def known(_: Namespace) -> list[str]:
+def known(what: str) -> Callable[[Namespace], list[str]]:
+    """Return a completion by the names of the graph's "topics", "nodes" or "services"."""
+
+    def names(_: Namespace) -> list[str]:
         from .. import graph
 
         with graph.graph() as node:
             return list(getattr(graph, what)(node))
 
-    return known
+    return names
 
 
 def add_topic(parser: ArgumentParser, name: str = "topic_name") -> None:
     """Add the name of a topic."""
-    complete(parser.add_argument(name, help="name of the ROS topic, e.g. /ball/measured"), _known("topics"))
+    complete(parser.add_argument(name, help="name of the ROS topic, e.g. /ball/measured"), known("topics"))
 
 
 def add_node(parser: ArgumentParser, **options: Any) -> None:
     """Add the name of a node."""
-    complete(parser.add_argument("node_name", help="name of the ROS node, e.g. /arm", **options), _known("nodes"))
+    complete(parser.add_argument("node_name", help="name of the ROS node, e.g. /arm", **options), known("nodes"))
 
 
 def add_service(parser: ArgumentParser) -> None:
     """Add the name of a service."""
-    complete(parser.add_argument("service_name", help="name of the ROS service, e.g. /arm/enable"), _known("services"))
+    complete(parser.add_argument("service_name", help="name of the ROS service, e.g. /arm/enable"), known("services"))
 
 
 def add_type(parser: ArgumentParser, name: str, kind: str, **options: Any) -> None:

@@ -177,9 +177,7 @@ def add(words: Verbs) -> None:
     one = verb(verbs, "pub", pub, "publish messages on a topic")
     add_topic(one)
     add_type(one, "message_type", "msg")
-    one.add_argument(
-        "values", nargs="?", default="{}", help="in YAML, e.g. '{data: 1.0}'; auto: a header of now, now: the time"
-    )
+    one.add_argument("values", nargs="?", default="{}", help="in YAML, e.g. '{data: 1.0}'; auto: a header of now, now: the time")
     one.add_argument("-r", "--rate", type=positive, default=1.0, metavar="HZ", help="messages a second (1)")
     one.add_argument("-p", "--print", type=count, default=1, metavar="N", help="print every N-th message only")
     often = one.add_mutually_exclusive_group()
