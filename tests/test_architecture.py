@@ -57,7 +57,7 @@ def test_a_package_imports_the_vocabulary_and_no_sibling(path):
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_ros_is_known_to_nodes_only(path):
-    programs = {"tt_bringup/tt_bringup/demo.py", "tt_bringup/tt_bringup/parameters.py"}
+    programs = {f"tt_bringup/tt_bringup/{name}.py" for name in ("demo", "parameters", "reprocess", "stages")}
     is_ros = (
         path.name.endswith("_node.py") or relative(path).startswith(("tt_core/tt_core/ros/", "tt_tools/")) or relative(path) in programs
     )

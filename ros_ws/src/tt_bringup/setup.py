@@ -26,4 +26,5 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
+    entry_points={"console_scripts": ["reprocess = tt_bringup.reprocess:main", "compare = tt_bringup.compare:main"]},
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -80,6 +81,27 @@ class LampParams:
             raise BadShape("lamps.positions", (len(self.positions),), (3 * len(self.strengths),))
 
 
+def read_poses(read: Callable[..., Any]) -> list[Camera]:
+    """Return both cameras at the poses that {left,right}.rotation and {left,right}.translation give.
+
+    Args:
+        read: Takes an instance that has the defaults, and a prefix; returns an instance with the values of the parameters.
+    """
+    cameras = []
+    for name, camera in zip(SIDES, high_speed_pair(), strict=True):
+        pose = read(CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
+        cameras.append(dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation)))
+    return cameras
+
+
+def read_lamps(read: Callable[..., Any]) -> CalibratedLamps | None:
+    """Return the calibrated lamps, or None without any. read: As in `read_poses`."""
+    lamps = read(LampParams, "lamps.")
+    if not any(lamps.strengths):
+        return None
+    return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
+
+
 class EstimateNode(Node):
     """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/measured.
 
@@ -93,13 +115,11 @@ class EstimateNode(Node):
         self.assembler = Assembler(declare(self, BurstParams))
         self.search = SearchParams.fast() if declare(self, EstimateParams).fast else SearchParams()
         self.air = declare_physics(self).air
-        self.lamps = self._lamps()
-        rig = high_speed_pair()
-        self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
+        self.lamps, self.poses = read_lamps(partial(declare, self)), read_poses(partial(declare, self))
         self.infos: list[CameraInfo | None] = [None, None]
         self.lenses: list[Lens | None] = [None, None]
         self.measured, self.refused = 0, 0
-        warm(rig)
+        warm(high_speed_pair())
         self.status = Status(self)
         self.balls = self.create_publisher(Odometry, "ball/measured", RELIABLE)
         answer_clock_pings(self)
@@ -113,18 +133,6 @@ class EstimateNode(Node):
             inputs.append(Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side]))
         alone = self.assembler.params.alone
         self.status.wait_for(inputs if not alone else inputs[2 * SIDES.index(alone) :][:2])
-
-    def _pose(self, name: str, camera: Camera) -> Camera:
-        """Return the camera at the pose that the parameters {name}.rotation and {name}.translation give."""
-        pose = declare(self, CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
-        return dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation))
-
-    def _lamps(self) -> CalibratedLamps | None:
-        """Return the calibrated lamps, or None without any."""
-        lamps = declare(self, LampParams, "lamps.")
-        if not any(lamps.strengths):
-            return None
-        return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
         """Take the calibration of a camera, unless it is the same as before."""
