@@ -65,8 +65,10 @@ def check_value(name: str, value: Any, default: Any, metadata: Mapping[str, Any]
 
 
 def coerce(name: str, value: Any, default: Any) -> Any:
-    """Return `value` in the type of `default`; integers stand for floats, lists for tuples. Raises TtError."""
+    """Return `value` in the type of `default`; integers stand for floats and for their digits, lists for tuples. Raises TtError."""
     kind = type(default)
+    if kind is str and isinstance(value, int) and not isinstance(value, bool):
+        return str(value)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if kind is tuple and hasattr(value, "__len__") and not isinstance(value, (str, bytes)):

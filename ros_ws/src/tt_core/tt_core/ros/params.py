@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any, TypeVar, overload
+from weakref import WeakKeyDictionary
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -18,6 +19,7 @@ from ..params import check_value, coerce, param
 from ..physics import Physics
 
 T = TypeVar("T")
+_CHANGED: WeakKeyDictionary[Node, dict[str, Any]] = WeakKeyDictionary()  # values that are not the defaults, by name
 
 
 @overload
@@ -43,10 +45,17 @@ def declare(node: Node, kind: Any, prefix: str = "", changed: Callable[[Any], No
         values[f.name] = _declare(node, prefix + f.name, getattr(default, f.name), f.default, f.metadata, read_only=not settable)
         if settable:
             dynamic.add(f.name)
+    differing = {prefix + name: value for name, value in values.items() if value != getattr(default, name)}
+    _CHANGED.setdefault(node, {}).update(differing)
     params = type(default)(**values)
     if changed is not None:
         _Follower(node, prefix, params, frozenset(dynamic), changed)
     return params
+
+
+def changed_parameters(node: Node) -> dict[str, Any]:
+    """Return the parameters that were declared with other values than their defaults, by name."""
+    return dict(_CHANGED.get(node, {}))
 
 
 def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping[str, Any], *, read_only: bool) -> Any:
