@@ -23,12 +23,17 @@ def test_there_is_something_to_check():
 
 
 @pytest.mark.parametrize("words", ROS2, ids=" ".join)
-def test_the_ros2_command_takes_the_line(words):
+def test_the_ros2_command_takes_the_line(words, tmp_path, monkeypatch):
     args = parser().parse_args(words)
     if words[0] == "run":
         assert packages.executable(args.package_name, args.executable_name).is_file()
     if words[0] == "launch":
         given = dict(word.split(":=", 1) for word in words if ":=" in word)
+        if "more_params_file" in given:  # which the reader makes
+            (tmp_path / given["more_params_file"]).touch()
+            monkeypatch.chdir(tmp_path)
+        if given.get("params_file"):
+            given["params_file"] = str(ROOT / given["params_file"])
         assert launch.processes(packages.launch_file(*[word for word in words[1:] if ":=" not in word]), given)
 
 

@@ -145,8 +145,8 @@ def test_our_nodes_exist(path):
 def test_our_executables_start_a_module_with_interrupts_blocked(script):
     shebang, *_, last = script.read_text().splitlines()
     assert shebang == "#!/usr/bin/env -S --block-signal=INT python3" and os.access(script, os.X_OK)
-    module = re.fullmatch(r'start\("(\w+)\.(\w+)"\)', last)
-    assert module and "def main()" in (SOURCES / module[1] / module[1] / f"{module[2]}.py").read_text()
+    module = re.fullmatch(r'start\("(\w+)\.([\w.]+)"\)', last)
+    assert module and "def main(" in (SOURCES / module[1] / module[1] / f"{module[2].replace('.', '/')}.py").read_text()
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)

@@ -20,11 +20,11 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
+        ("lib/tt_bringup", ["scripts/compare", "scripts/reprocess"]),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["reprocess = tt_bringup.reprocess:main", "compare = tt_bringup.compare:main"]},
 )
