@@ -5,6 +5,7 @@ import pytest
 import yaml
 from geometry_msgs.msg import PoseWithCovariance
 from rcl_interfaces.msg import ParameterValue
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 from rosidl_parser.definition import AbstractNestedType, NamespacedType
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Header
@@ -14,6 +15,7 @@ from tt_tools.errors import GraphError
 from tt_tools.interface_text import definition, nested_type
 from tt_tools.listen import bandwidth, part, spread
 from tt_tools.message_text import FieldError, TextOptions, from_values, to_csv, to_plain, to_yaml, values_of
+from tt_tools.node_parameters import parameter_file
 
 MESSAGES = packages.interfaces("msg")
 
@@ -112,3 +114,12 @@ def test_figures_of_a_topic():
     assert spread([1.0, 3.0]) == (2.0, 1.0, 3.0, 1.0)
     assert bandwidth([(0.0, 100), (1.0, 300)], 2.0) == "200 B/s from 2 messages\n\tMessage size mean: 200 B min: 100 B max: 300 B"
     assert bandwidth([(0.0, 2e6), (1.0, 2e6)], 2.0).startswith("2.00 MB/s from 2 messages\n")
+
+
+def test_parameters_become_a_file_that_ros_reads(tmp_path):
+    values = {"right": "/dev/video1", "right.matrix": [1.0, 2.0], "swing.limit.speed": 3.0, "swing.profile": "auto", "n": 4, "empty": []}
+    messages = [Parameter(name, value=value).get_parameter_value() for name, value in values.items()]
+    (tmp_path / "file.yaml").write_text(parameter_file("/camera", list(values), messages))
+    found = parameter_dict_from_yaml_file(str(tmp_path / "file.yaml"), target_nodes=["/camera"])
+    for name, value in values.items():
+        assert name == "empty" or np.array_equal(parameter_value_to_python(found[name].value), value), name

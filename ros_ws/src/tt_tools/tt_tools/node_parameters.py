@@ -25,12 +25,12 @@ def parameter_file(node: str, names: list[str], values: list[ParameterValue]) ->
         values: Of the parameters.
     """
     content: dict[str, Any] = {}
-    for name, value in zip(names, map(parameter_value_to_python, values), strict=True):
-        *groups, last = name.split(".")
-        inner = content
-        for group in groups:
-            inner = inner.setdefault(group, {})
-        inner[last] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, (list, bytes)) else value
+    for name, value in sorted(zip(names, map(parameter_value_to_python, values), strict=True), key=lambda row: row[0]):
+        inner, rest = content, name
+        while "." in rest and isinstance(inner.get(group := rest.partition(".")[0], {}), dict):
+            inner, rest = inner.setdefault(group, {}), rest.partition(".")[2]
+        # where a group has the name of a parameter, as `right` and `right.matrix`, the dot stays
+        inner[rest] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, (list, bytes)) else value
     return str(yaml.safe_dump({node: {"ros__parameters": content}}, default_flow_style=False))
 
 
