@@ -136,7 +136,8 @@ def _add(difference: Difference, kind: str, left: Any, right: Any) -> bool:
         x, y = one[path], other[path]
         name, unit = quantity(kind, path)
         if isinstance(x, (np.ndarray, int, float)) and isinstance(y, (np.ndarray, int, float)) and np.shape(x) == np.shape(y):
-            size = float(np.linalg.norm(np.subtract(x, y, dtype=float), ord=np.inf if unit in ("grey levels", "") else None))
+            gap = np.ravel(np.subtract(x, y, dtype=float))
+            size = float(np.linalg.norm(gap) if len(gap) == 3 else np.abs(gap).max(initial=0.0))  # of a vector its length
             if size:
                 differs = True
                 difference.largest[name, unit] = max(size, difference.largest.get((name, unit), 0.0))
