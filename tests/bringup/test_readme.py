@@ -50,7 +50,14 @@ def test_the_demo_takes_the_options_that_the_readme_names():
 
 
 @pytest.mark.parametrize(
-    ("words", "reason"), [(["--balls", "0"], "--balls 0"), (["--rtf", "99"], "--rtf 99"), (["--seed", "x"], "invalid int")]
+    ("words", "reason"),
+    [
+        (["--balls", "0"], "--balls 0"),
+        (["--rtf", "99"], "--rtf 99"),
+        (["--seed", "x"], "invalid int"),
+        (["--out", "/proc/x"], "/proc/x"),
+        (["--json", "/no/x.json"], "/no/x.json"),
+    ],
 )
 def test_the_demo_refuses_nonsense(words, reason):
     done = subprocess.run(["python", "-m", "tt_bringup.demo", *words], capture_output=True, text=True, check=False)

@@ -376,7 +376,10 @@ def play(params: PlayParams | None = None, remap: Mapping[str, str] | None = Non
         KeyboardInterrupt: If SIGINT or SIGTERM came.
     """
     interrupts = Interrupts()
-    rclpy.init(args=[] if params else None, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=[] if params else None, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # RCLError: arguments of ROS that are none
+        raise TtError(str(error).partition(", at /")[0]) from error
     node, thread = None, None
     try:
         node = PlayNode(interrupts, params)

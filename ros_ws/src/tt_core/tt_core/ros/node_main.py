@@ -53,7 +53,11 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
     _bound_clock()
     if nice:
         _prioritize(nice)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # RCLError: arguments of ROS that are none
+        print(str(error).partition(", at /")[0], file=sys.stderr)
+        raise SystemExit(2) from None
     node = _made(make)
     if node is None:
         gc.collect()  # what there is of the node goes, with the threads of its participant
