@@ -269,7 +269,7 @@ class PlayNode(Node):
 
     def _unconnected(self) -> list[str]:
         """Return the topics whose subscribers are known and have not connected to this publisher."""
-        outputs = self._outputs.values()
+        outputs = [*self._outputs.values(), *([self._ticks] if self._ticks is not None else [])]
         return [output.topic_name for output in outputs if not output.get_subscription_count() and listeners(self, output.topic_name)]
 
     def _unmatched(self) -> list[str]:

@@ -117,8 +117,8 @@ class RecordNode(Node):
         output = time.strftime("bags/%Y-%m-%d_%H-%M-%S") if params.output == "auto" else params.output
         if params.numbered:
             output = free_name(output)
-        named = {name: tuple(map(self.resolve_topic_name, getattr(params, name))) for name in ("topics", "exclude_topics")}
-        self.params = replace(params, **named)
+        topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))
+        self.params = replace(params, topics=topics, exclude_topics=excluded)
         self._seen: set[str] = set()
         self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last report and its time in s
         self.failed = False
