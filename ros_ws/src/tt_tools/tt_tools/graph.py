@@ -1,14 +1,15 @@
 """A node that has discovered the running graph, and what it sees.
 
-A participant of DDS on this machine has a UDP port of its domain, and a writer of `ros_discovery_info`. So discovery is complete when there
-are as many of these writers as ports, and when nothing new has come for a moment. It takes 0.2 to 0.5 s, where a fixed wait would need 2 s.
+A participant of DDS on this machine has a UDP port of its domain and a writer of `ros_discovery_info`, and its nodes publish on
+/parameter_events. So discovery is complete when there are as many of these writers as ports, when the nodes of each are known by name, and
+when nothing new has come for a moment. It takes 0.2 to 0.5 s, where a fixed wait would need 2 s.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 LONGEST = 2.0  # s for all participants to be discovered: one that has just been killed is forgotten after 2 s (config/fastdds.xml)
 REMOTE = 1.0  # s, at least, where participants of other machines may be: they announce themselves every 0.3 s (config/fastdds.xml)
 QUIET, POLL = 0.1, 0.01  # s without anything new; between two looks
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a node whose name has not arrived yet (rmw_dds_common)
 PORT, PER_DOMAIN, FIRST, LAST = 7400, 250, 10, 250  # ports of a domain (RTPS 2.2, 9.6.1.1); of participants from FIRST on, two for each
 
 
@@ -57,7 +59,7 @@ class Discovery:
         if now > self._begin + LONGEST:
             return True
         quiet = now > self._since + QUIET and now > self._begin + self._least
-        return quiet and _participants(self._node) >= ports(self._node.context.get_domain_id())
+        return quiet and _known_participants(self._node) >= ports(self._node.context.get_domain_id())
 
 
 def discover(node: Node) -> None:
@@ -65,6 +67,16 @@ def discover(node: Node) -> None:
     discovery = Discovery(node)
     while not discovery.is_complete():
         time.sleep(POLL)
+
+
+def appears(condition: Callable[[], bool]) -> bool:
+    """Return whether a condition holds within LONGEST: a busy machine may be late with what the graph has."""
+    end = time.monotonic() + LONGEST
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(POLL)
+    return True
 
 
 def ports(domain: int) -> int:
@@ -75,8 +87,11 @@ def ports(domain: int) -> int:
     return len({port for line in lines if (port := line.split()[1].rpartition(":")[2]) in wanted})
 
 
-def _participants(node: Node) -> int:
-    return len({bytes(info.endpoint_gid[:12]) for info in node.get_publishers_info_by_topic("ros_discovery_info", no_mangle=True)})
+def _known_participants(node: Node) -> int:
+    """Return how many participants are discovered, of each of which a node is known by name."""
+    writers = {bytes(info.endpoint_gid[:12]) for info in node.get_publishers_info_by_topic("ros_discovery_info", no_mangle=True)}
+    named = [info for info in node.get_publishers_info_by_topic("/parameter_events") if info.node_name != UNKNOWN]
+    return len(writers & {bytes(info.endpoint_gid[:12]) for info in named})
 
 
 def _endpoints(node: Node) -> int:

@@ -19,7 +19,7 @@ from tt_core.ros.node_main import run
 from tt_core.ros.qos import compatible
 
 from .errors import GraphError
-from .graph import discover
+from .graph import appears, discover
 from .message_text import TextOptions, to_csv, to_yaml
 from .packages import interface
 from .qos import ALL, QosWords
@@ -48,6 +48,7 @@ class _Listener(Node):
         super().__init__("_ros2cli_listener", enable_rosout=False, start_parameter_services=False)
         discover(self)
         name = self.resolve_topic_name(topic)
+        appears(lambda: bool(kind or self._kinds(name)))
         kinds = [kind] if kind else self._kinds(name)
         if not kinds:
             print(f"WARNING: topic [{topic}] does not appear to be published yet", flush=True)

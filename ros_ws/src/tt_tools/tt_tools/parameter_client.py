@@ -19,7 +19,7 @@ from rclpy.task import Future
 from tt_core.errors import TtError
 
 from .errors import GraphError
-from .graph import graph, nodes, services
+from .graph import appears, graph, nodes, services
 from .node_parameters import parameter_file
 
 PATIENCE = 10.0  # s, for a node to be discovered, and to answer
@@ -91,8 +91,9 @@ class ParameterClient:
 @contextmanager
 def connected(name: str) -> Iterator[ParameterClient]:
     """Yield a client of the node `name`. Raises GraphError if the node is not there."""
+    full = "/" + name.lstrip("/")
     with graph() as node, _executor(node):
-        if (full := "/" + name.lstrip("/")) not in nodes(node, hidden=True):
+        if not appears(lambda: full in nodes(node, hidden=True)):
             raise GraphError(f"Node not found: {full}; there is {', '.join(nodes(node)) or 'none'}")
         yield ParameterClient(node, full)
 
@@ -170,10 +171,10 @@ def print_names(name: str | None, prefixes: tuple[str, ...], *, hidden: bool, ty
         TtError: The node is not there, or does not answer. Of all nodes, one that does not answer is told on stderr.
     """
     with graph() as node, _executor(node):
-        served = services(node, hidden=True)
         full = [f"/{name.lstrip('/')}"] if name else sorted(set(nodes(node, hidden=hidden)))
-        if name and full[0] not in nodes(node, hidden=True):
+        if name and not appears(lambda: full[0] in nodes(node, hidden=True)):
             raise GraphError(f"Node not found: {full[0]}; there is {', '.join(nodes(node)) or 'none'}")
+        served = services(node, hidden=True)
         for one in full:
             if f"{one}/list_parameters" not in served:
                 continue

@@ -30,14 +30,13 @@ def show_list(args: Namespace) -> None:
 
 def info(args: Namespace) -> None:
     """Print what a node subscribes to, publishes, serves and calls."""
-    from ..graph import graph, nodes
+    from ..graph import appears, graph, nodes
 
     with graph(args.spin_time) as node:
         name = f"/{args.node_name.lstrip('/')}"
-        count = nodes(node, hidden=True).count(name)
-        if not count:
+        if not appears(lambda: name in nodes(node, hidden=True)):
             raise GraphError(f"Unable to find node '{args.node_name}'")
-        if count > 1:
+        if (count := nodes(node, hidden=True).count(name)) > 1:
             print(f'There are {count} nodes in the graph with the exact name "{name}". You are seeing information about only one of them.')
         print(name)
         namespace, _, own = name.rpartition("/")

@@ -46,13 +46,13 @@ def show_list(args: Namespace) -> None:
 
 def info(args: Namespace) -> None:
     """Print type and counts of a topic, and all its publishers and subscriptions if `verbose`."""
-    from ..graph import graph, topics
+    from ..graph import appears, graph, topics
 
     with graph(args.spin_time) as node:
         name = node.resolve_topic_name(args.topic_name)
-        types = topics(node, hidden=True).get(name)
-        if types is None:
+        if not appears(lambda: name in topics(node, hidden=True)):
             raise GraphError(f"Unknown topic '{args.topic_name}'")
+        types = topics(node, hidden=True)[name]
         end = "\n\n" if args.verbose else "\n"
         print(f"Type: {types[0] if len(types) == 1 else types}", end=end)
         print(f"Publisher count: {node.count_publishers(name)}", end=end)
