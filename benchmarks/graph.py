@@ -109,11 +109,9 @@ class Watch(Node):
                 self.record = time.time(), values
             elif told.event is Event.FIRST_COMMAND and "latency_ms" in values:
                 self.latencies.append((told.time, float(values["latency_ms"])))
-        stamp = seconds(message.header.stamp)
-        for s in message.status:
-            if s.level != s.OK:
-                reasons = next((v.value for v in s.values if v.key == "reasons"), "")
-                warning = Warning(stamp, s.name, f"{s.message}: {reasons}" if reasons else s.message)
+            if told.warns:
+                reasons = values.get("reasons")
+                warning = Warning(told.time, told.name, f"{told.message}: {reasons}" if reasons else told.message)
                 self.warnings.append(warning)
                 self._tell(f"[{warning.name}] warns: {warning.text}")
         with self.changed:

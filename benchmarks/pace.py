@@ -47,7 +47,8 @@ class Watch(Node):
                 self.results.append(Result(values["result"]) if json.loads(values["hit"]) else Result.MISSED)
             elif told.name in STAGES and "latency_ms" in values and told.event is not Event.SWING:
                 self.latencies[told.name].append(float(values["latency_ms"]))
-        self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in message.status if s.level != s.OK]
+            if told.warns:
+                self.refusals.append(f"{told.name}: {re.sub(r'[0-9.]+', '#', told.message)}")
 
 
 def main() -> None:

@@ -92,9 +92,8 @@ class Demo(Node):
                 self.told, self.over = told.values, told.time
             elif told.event is Event.FIRST_COMMAND and self.latency_ms is None:
                 self.latency_ms = float(told.values["latency_ms"])
-        for status in message.status:
-            if status.level != status.OK:
-                self.refusal = f"{status.name}: {status.message}"
+            if told.warns:
+                self.refusal = f"{told.name}: {told.message}"
 
 
 @contextmanager

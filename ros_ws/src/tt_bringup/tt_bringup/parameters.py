@@ -36,6 +36,8 @@ NODES = {
     "predict": ("tt_predict", "predict_node"),
     "racket": ("tt_racket", "racket_node"),
     "arm": ("tt_arm", "arm_node"),
+    "markers": ("tt_bringup", "marker_node"),
+    "view": ("tt_bringup", "view_node"),
 }
 # NaN in the file: the value of the model, the world or the hit window that is named
 MODELS = ("air.", "table.", "racket.", "plant.", "x_low", "x_high", "y_low", "y_high", "z_low", "z_high")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Sequence
 from enum import Enum
@@ -17,7 +18,9 @@ from .convert import seconds
 from .inputs import Input
 from .qos import RELIABLE
 
-PERIOD = 1.0  # s between two reports about the inputs
+PERIOD = 1.0  # s between two reports about the inputs, and after which a status is repeated (REP-107)
+INPUTS = "inputs"  # part that tells what a node waits for
+REPEATED = "since"  # key of a repeated status: when it was first published, s
 GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
 
 
@@ -42,12 +45,14 @@ class ReceivedStatus(NamedTuple):
         name: Of the node, with ": part" where it is about a part of it.
         message: What has happened, for people.
         values: All values by their keys.
+        warns: Whether its level is above OK.
     """
 
     time: float
     name: str
     message: str
     values: dict[str, str]
+    warns: bool = False
 
     @property
     def event(self) -> Event | None:
@@ -55,13 +60,33 @@ class ReceivedStatus(NamedTuple):
         return Event.__members__.get(self.values.get("event", ""))
 
 
-class Status:
-    """The diagnostics of one node."""
+class _Last(NamedTuple):
+    """The last status of one part. sent: s, monotonic clock, when it was last published."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    status: DiagnosticStatus
+    sent: float
+
+
+class Status:
+    """The diagnostics of one node.
+
+    What is published is repeated once a second, so that a tool which starts later shows it and sees that the node lives. A repeated status
+    has the key REPEATED. That of an event has no other values, so that nobody takes it for a second event.
+    """
+
+    def __init__(self, node: Node, hardware: str = "") -> None:
+        """Publish "NODE: started", and begin to repeat.
+
+        Args:
+            node: The node.
+            hardware: What the node drives or stands for, the `hardware_id` of every status; empty: the name of this computer.
+        """
+        self._node, self._hardware = node, hardware or socket.gethostname()
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._last: dict[str, _Last] = {}  # by part
+        self.publish("started")
+        node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(
         self,
@@ -105,23 +130,44 @@ class Status:
             waiting = [one.topic for one in inputs if not one.publishers]
             message = f"waiting for a publisher of {', '.join(waiting)}" if waiting else "ready"
             warn = bool(waiting) and time.monotonic() > warn_from
-            self._send("inputs", message, warn, {one.topic: one.publishers for one in inputs})
+            self._send(INPUTS, message, warn, {one.topic: one.publishers for one in inputs})
 
         self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _send(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
+        now = self._node.get_clock().now()
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
             name=f"{self._name}: {part}" if part else self._name,
             message=message,
+            hardware_id=self._hardware,
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )
-        array = DiagnosticArray(status=[status])
+        self._publish([status])
+        if part == INPUTS:  # published once a second anyway
+            return
+        since = KeyValue(key=REPEATED, value=f"{now.nanoseconds * 1e-9:.3f}")
+        repeated = DiagnosticStatus(level=status.level, name=status.name, message=message, hardware_id=self._hardware)
+        repeated.values = [since] if "event" in values else [since, *status.values]
+        self._last[part] = _Last(repeated, time.monotonic())
+
+    def _repeat(self) -> None:
+        """Publish the last status of every part that was not published within PERIOD."""
+        now = time.monotonic()
+        due = {part: last.status for part, last in list(self._last.items()) if now - last.sent >= PERIOD}
+        if due:
+            self._publish(list(due.values()))
+
+    def _publish(self, statuses: list[DiagnosticStatus]) -> None:
+        array = DiagnosticArray(status=statuses)
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
 
 
 def read_status(message: DiagnosticArray) -> list[ReceivedStatus]:
-    """Return all statuses of a message."""
+    """Return all statuses of a message that are not repeated ones."""
     time = seconds(message.header.stamp)
-    return [ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}) for s in message.status]
+    received = [
+        ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}, s.level != DiagnosticStatus.OK) for s in message.status
+    ]
+    return [status for status in received if REPEATED not in status.values]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -39,6 +40,7 @@ class Input:
         *,
         largest: int,
         refused: Callable[[TtError], None],
+        interval: float = 0.0,
     ) -> None:
         """Subscribe.
 
@@ -50,9 +52,10 @@ class Input:
             qos: What is asked for where the publishers offer it.
             largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
+            interval: s. A message that comes sooner than this after the last one is dropped without being read.
         """
         self._node, self._kind, self._callback, self._wanted = node, kind, callback, qos
-        self._largest, self._refused = largest, refused
+        self._largest, self._refused, self._interval, self._due = largest, refused, interval, 0.0
         self.topic, self.publishers = node.resolve_topic_name(topic), 0
         self._asked = qos
         self._subscription = self._subscribe()
@@ -73,6 +76,11 @@ class Input:
         return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
     def _on_data(self, data: bytes) -> None:
+        if self._interval:
+            now = time.monotonic()
+            if now < self._due:
+                return
+            self._due = now + self._interval
         try:
             check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)
             message = deserialize_message(data, self._kind)
