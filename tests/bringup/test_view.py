@@ -6,7 +6,7 @@ from tt_arm.description import placed_description
 from tt_arm.model import BASE, MOUNT, URDF, ArmModel
 from tt_bringup.view.gate import Answer, Request, judge
 from tt_bringup.view.items import Shape, ellipsoid
-from tt_bringup.view.page import clicked_place, shown_image
+from tt_bringup.view.page import clicked_place, side_by_side
 from tt_bringup.view.readings import Health, Readings, landing_place
 from tt_bringup.view.robot_shapes import RobotShapes
 from tt_bringup.view.scene import Joints, Scene
@@ -169,8 +169,10 @@ def test_a_click_is_where_its_ray_meets_the_far_half():
 def test_images_are_shown_small_and_bright(shape, kind):
     image = np.zeros(shape, kind)
     image[: shape[0] // 2 + 1] = 100
-    shown = shown_image(image)
-    assert shown.dtype == np.uint8 and shown.shape[1] <= 232 and shown.shape[2] == 3 and shown.max() == 255
+    shown = side_by_side((image, image))
+    assert shown.dtype == np.uint8 and shown.shape == (232, 464, 3)
+    assert np.array_equal(shown[:, :232], shown[:, 232:]) and shown.max() == 255
+    assert not side_by_side(()).any()
 
 
 def test_readings_are_bounded_and_ordered():

@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 import secrets
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from typing import Any
 
 import viser
@@ -41,7 +43,7 @@ from .view.scene_inputs import SceneInputs
 NICE = 10  # priority of the process: the robot comes first
 SIDES = ("left", "right")
 PANELS = 6  # updates of the scene for each update of the panels
-IMAGES = 0.2  # s between two images that are read of each camera
+IMAGES = 0.01  # s between two images that are read of each camera
 LARGEST_IMAGE, LARGEST_STATE, LARGEST_DIAGNOSTICS = 2**26, 4096, 2**18  # bytes of a message
 STAGES = (Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # whose latency is shown
 
@@ -73,12 +75,10 @@ class ViewNode(Node):
         params = declare(self, ViewParams)
         physics, self.status, self.readings = declare_physics(self), Status(self), Readings()
         token = params.token or ("" if is_loopback(params.host) else secrets.token_urlsafe(16))
-        self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        try:
-            self.gate = Gate(params.host, params.port, self.server.get_port(), token)
-        except TtError:
-            self.server.stop()
-            raise
+        self.gate = Gate(params.host, params.port, token)
+        with redirect_stdout(StringIO()):  # it prints the address behind the gate
+            self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self.gate.open(self.server.get_port())
         self.page, self.updates = Page(self.server), 0
         self.inputs = SceneInputs(self, physics, self.status, 1.0 / params.rate)
         self.subscribe(0.5 / params.rate)
@@ -126,7 +126,7 @@ class ViewNode(Node):
         """Do what users have asked for, and update the page."""
         while not self.page.actions.empty():
             self.do(self.page.actions.get())
-        if not self.page.is_watched:
+        if not self.gate.watchers:
             return
         self.page.draw(self.inputs.scene.items(self.inputs.now()))
         if self.updates % PANELS == 0:
@@ -177,7 +177,8 @@ class ViewNode(Node):
     def close(self) -> None:
         """Stop serving the page."""
         self.gate.close()
-        self.server.stop()
+        with redirect_stdout(StringIO()):
+            self.server.stop()
 
 
 def main() -> None:

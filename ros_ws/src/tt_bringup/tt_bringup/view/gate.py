@@ -100,25 +100,25 @@ def judge(request: Request, token: str) -> Answer:
 
 
 class Gate:
-    """Listens on an address and passes connections on; ends with `close`.
+    """Holds an address from the start, passes connections on after `open`, and ends with `close`.
 
     Attributes:
         port: On which it listens.
+        watchers: How many pages are open.
     """
 
-    def __init__(self, host: str, port: int, page_port: int, token: str) -> None:
-        """Begin to listen.
+    def __init__(self, host: str, port: int, token: str) -> None:
+        """Take an address.
 
         Args:
             host: Address or name of this machine.
             port: 0: any that is free.
-            page_port: Of the page, on 127.0.0.1.
             token: What is demanded; empty: nothing.
 
         Raises:
             TtError: The address cannot be used.
         """
-        self._page_port, self._token = page_port, token
+        self._page_port, self._token, self.watchers = 0, token, 0
         self._loop = asyncio.new_event_loop()
         try:
             self._server = self._loop.run_until_complete(asyncio.start_server(self._serve, host, port, limit=LARGEST_HEAD))
@@ -127,6 +127,10 @@ class Gate:
             raise TtError(f"the page cannot be served on {host}, port {port}: {error.strerror or error}") from error
         self.port: int = self._server.sockets[0].getsockname()[1]
         self._thread = threading.Thread(target=self._loop.run_forever, name="gate", daemon=True)
+
+    def open(self, page_port: int) -> None:
+        """Begin to pass connections on to a port of 127.0.0.1."""
+        self._page_port = page_port
         self._thread.start()
 
     def close(self) -> None:
@@ -138,9 +142,14 @@ class Gate:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, asyncio.TimeoutError, TtError):
             head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), PATIENCE)
-            answer = judge(Request.parse(head), self._token)
+            request = Request.parse(head)
+            answer = judge(request, self._token)
             if answer is Answer.ADMIT:
-                await self._pass_on(head, reader, writer)
+                self.watchers += request.is_websocket
+                try:
+                    await self._pass_on(head, reader, writer)
+                finally:
+                    self.watchers -= request.is_websocket
             else:
                 writer.write(self._response(answer))
                 await writer.drain()

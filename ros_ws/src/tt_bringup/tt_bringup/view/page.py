@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from itertools import zip_longest
 from queue import SimpleQueue
 
 import cv2
@@ -25,7 +26,9 @@ from .viser_scene import ViserScene
 TITLE = "Table tennis robot"
 COLOURS = ("#2e8b57", "#c77f1a", "#c0392b", "#888888")  # of the levels of diagnostics: OK, warning, error, stale
 NAMES = ("ok", "warning", "error", "stale")
-IMAGE_WIDTH = 232  # pixels of an image that is sent, at most
+EYE, TARGET = (-1.6, -3.1, 2.3), (0.75, 0.76, 0.0)  # m, from where the table is seen at first, and what is in the middle then
+FIELD_OF_VIEW = 0.9  # rad, upwards
+SIDE = 232  # pixels, width of an image that is sent; a taller one is squeezed
 STYLE = "font-size:0.8em;line-height:1.35;width:100%;border-collapse:collapse"
 
 
@@ -42,23 +45,28 @@ class Page:
         self._server, self._scene = server, ViserScene(server.scene)
         server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         server.gui.set_panel_label(TITLE)
-        server.initial_camera.position, server.initial_camera.look_at = np.array([-1.9, -2.6, 1.9]), np.array([0.9, 0.76, 0.0])
+        server.initial_camera.position, server.initial_camera.look_at = np.array(EYE), np.array(TARGET)
+        server.initial_camera.fov = FIELD_OF_VIEW
         server.scene.world_axes.visible = False
         server.scene.add_grid("/floor", width=8.0, height=6.0, cell_size=0.5, position=(1.0, 0.76, FLOOR_Z))
-        self._images: dict[str, np.ndarray] = {}
+        self._shown = server.gui.add_html("")
         self._add_ball(server.gui)
         self._add_goal(server)
         self._add_arm_and_time(server.gui)
-        self._shown = server.gui.add_html("")
-        with server.gui.add_folder("Cameras"):
-            dark = np.zeros((IMAGE_WIDTH, IMAGE_WIDTH, 3), np.uint8)
-            self._cameras = {side: server.gui.add_image(dark, label=side, format="jpeg") for side in ("left", "right")}
-        with server.gui.add_folder("Latency since the last frame, ms"):
-            self._latency = server.gui.add_html("")
-        with server.gui.add_folder("Joint speeds, share of their limits"):
-            self._speeds = server.gui.add_html("")
-        with server.gui.add_folder("Diagnostics"):
-            self._health = server.gui.add_html("")
+        self._images: tuple[np.ndarray, ...] = ()
+        panel = server.gui.add_panel()
+        with panel.add_tab("State of the robot"):
+            self._cameras = server.gui.add_image(side_by_side(()), label="Left and right camera", format="jpeg")
+            with server.gui.add_folder("Latency since the last frame, ms"):
+                self._latency = server.gui.add_html("")
+            with server.gui.add_folder("Joint speeds and their limits"):
+                self._speeds = server.gui.add_html("")
+            with server.gui.add_folder("Diagnostics"):
+                self._health = server.gui.add_html("")
+        panel.dock_left()
+        panel.set_width(340)
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(300)
 
     def _add_ball(self, gui: viser.GuiApi) -> None:
         with gui.add_folder("Ball"):
@@ -99,11 +107,6 @@ class Page:
         for button, action in buttons:
             button.on_click(lambda _, action=action: self.actions.put(action))
 
-    @property
-    def is_watched(self) -> bool:
-        """Whether a browser is connected."""
-        return bool(self._server.get_clients())
-
     def draw(self, items: Sequence[Item]) -> None:
         """Show the 3D scene."""
         with self._server.atomic():
@@ -116,10 +119,10 @@ class Page:
         self._latency.content = latency_table(readings)
         self._speeds.content = speed_bars(scene)
         self._health.content = health_table(readings)
-        for side, image in readings.images.items():
-            if image is not self._images.get(side):
-                self._images[side] = image
-                self._cameras[side].image = shown_image(image)
+        images = tuple(readings.images[side] for side in sorted(readings.images))
+        if any(image is not before for image, before in zip_longest(images, self._images)):
+            self._images = images
+            self._cameras.image = side_by_side(images)
 
 
 def clicked_place(origin: Array, direction: Array) -> Array | None:
@@ -138,14 +141,15 @@ def clicked_place(origin: Array, direction: Array) -> Array | None:
     return place if NET_X < place[0] <= TABLE_LENGTH and 0.0 <= place[1] <= TABLE_WIDTH else None
 
 
-def shown_image(image: np.ndarray) -> np.ndarray:
-    """Return an image (h, w) as RGB of IMAGE_WIDTH pixels at most, uint8, stretched to its brightest pixel."""
-    image = image.astype(np.float32)
-    height, width = image.shape
-    if width > IMAGE_WIDTH:
-        image = cv2.resize(image, (IMAGE_WIDTH, max(1, round(height * IMAGE_WIDTH / width))), interpolation=cv2.INTER_AREA)
-    grey = (255.0 / max(1.0, float(image.max())) * image).astype(np.uint8)
-    return np.repeat(grey[:, :, None], 3, axis=2)
+def side_by_side(images: Sequence[np.ndarray]) -> np.ndarray:
+    """Return images (h, w), uint8 or uint16, beside each other as RGB uint8, each SIDE pixels wide and stretched to its brightest pixel."""
+    shown = np.zeros((SIDE, 2 * SIDE, 3), np.uint8)
+    for i, image in enumerate(images[:2]):
+        height, width = image.shape
+        rows = min(SIDE, max(1, round(height * SIDE / width)))
+        small = cv2.resize(image.astype(np.float32), (SIDE, rows), interpolation=cv2.INTER_AREA)
+        shown[:rows, i * SIDE : (i + 1) * SIDE] = (255.0 / max(1.0, float(small.max())) * small)[:, :, None].astype(np.uint8)
+    return shown
 
 
 def latency_table(readings: Readings) -> str:
