@@ -17,7 +17,8 @@ MODELS = {  # what the simulator may use of the packages that it tests: models o
     "tt_arm.model",
     "tt_arm.safety.clearance",
 }
-ROS = {"rclpy", "rosgraph_msgs", "sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "std_srvs", "trajectory_msgs", "diagnostic_msgs", "visualization_msgs"}
+MESSAGES = ("rosgraph", "sensor", "nav", "geometry", "std", "trajectory", "diagnostic", "visualization")
+ROS = {"rclpy", "std_srvs", *(f"{name}_msgs" for name in MESSAGES)}
 
 
 def modules(path):

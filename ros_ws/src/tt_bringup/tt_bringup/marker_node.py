@@ -38,7 +38,7 @@ KINDS = {
 class MarkerParams:
     """How often markers are published."""
 
-    rate: float = param(20.0, "1/s", "rate at which markers that have changed are published; all are published once a second", low=1.0, high=60.0)
+    rate: float = param(20.0, "1/s", "rate of markers that have changed; all are published once a second", low=1.0, high=60.0)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

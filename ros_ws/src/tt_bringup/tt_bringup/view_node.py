@@ -55,7 +55,7 @@ class ViewParams:
     host: str = param("127.0.0.1", "", "address on which the page is served; 0.0.0.0: on all")
     port: int = param(8080, "", "port of the page; 0: any that is free", low=0, high=65535)
     token: str = param(
-        "", "", "what the address must hold as ?token=, letters, digits, - and _; empty: none on this machine, a random one on other addresses"
+        "", "", "what the address must hold as ?token=, of letters, digits, - and _; empty: none on this machine, else a random one"
     )
     rate: float = param(30.0, "1/s", "updates of the page", low=1.0, high=60.0)
 

@@ -196,8 +196,10 @@ class SimNode(Node):
 
     def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Let the parameter `step` of simulated time pass, the service sim/step."""
-        response.success = self.loop.paused
-        response.message = f"to {self.loop.step(self.params.step):.6f} s" if self.loop.paused else "refused: simulated time does not stand still"
+        if not self.loop.paused:
+            response.message = "refused: simulated time does not stand still"
+            return response
+        response.success, response.message = True, f"to {self.loop.step(self.params.step):.6f} s"
         return response
 
     def render(self) -> None:

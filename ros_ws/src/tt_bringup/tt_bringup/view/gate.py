@@ -158,10 +158,12 @@ class Gate:
     def _response(self, answer: Answer) -> bytes:
         if answer is Answer.REMEMBER:
             cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
-            return f"HTTP/1.1 303 See Other\r\nLocation: /\r\nSet-Cookie: {cookie}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode()
-        text = b"This page needs its token: open the address that the node has printed.\n"
-        head = f"HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nContent-Length: {len(text)}\r\nConnection: close\r\n\r\n"
-        return head.encode() + text
+            lines = ["HTTP/1.1 303 See Other", "Location: /", f"Set-Cookie: {cookie}"]
+            text = ""
+        else:
+            lines = ["HTTP/1.1 403 Forbidden", "Content-Type: text/plain"]
+            text = "This page needs its token: open the address that the node has printed.\n"
+        return "\r\n".join([*lines, f"Content-Length: {len(text)}", "Connection: close", "", text]).encode()
 
     async def _pass_on(self, head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         page_reader, page_writer = await asyncio.open_connection("127.0.0.1", self._page_port)
