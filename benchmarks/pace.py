@@ -58,7 +58,7 @@ def main() -> None:
 
     def tell(line: str) -> None:
         started = re.match(r"\[launch\] (\S+) started, process (\d+)", line)
-        if started and started[1] != "enable":  # which ends by itself
+        if started and started[1] not in ("enable", "robot_state_publisher"):  # these may end by themselves
             told[started[1]] = psutil.Process(int(started[2]))
 
     given = {"rate": str(RATE), "seed": "0"}

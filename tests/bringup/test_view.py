@@ -185,6 +185,14 @@ def test_readings_are_bounded_and_ordered():
     assert len(readings.health) == 60 and "node 199" in readings.health
 
 
+def test_of_a_burst_the_brightest_image_is_kept():
+    readings, levels = Readings(), []
+    for now, level in ((0.0, 1), (0.1, 3), (0.2, 2), (0.9, 2), (1.2, 2), (1.3, 2), (0.5, 1)):  # s; at the end the clock is set back
+        readings.take_image("left", np.full((2, 2), level, np.uint8), now)
+        levels.append(int(readings.images["left"].image[0, 0]))
+    assert levels == [1, 3, 3, 3, 2, 2, 1]
+
+
 @pytest.mark.parametrize("text", ["null", "", "[1]", "[1, 2, 3, null]", "[1, 2, 3, NaN]", "{}", '{"a": 1}', "7"])
 def test_a_landing_that_is_none_is_not_shown(text):
     assert landing_place({"landing": text}) is None

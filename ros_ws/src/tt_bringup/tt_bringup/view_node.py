@@ -32,7 +32,7 @@ from tt_core.ros.diagnostics import Event, Status, read_status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
-from tt_core.ros.qos import LATCHED, NEWEST, RELIABLE
+from tt_core.ros.qos import LATCHED, NEWEST, RELIABLE, SENSOR
 
 from .view.actions import Action, Enable, Launch, Pause, SetGoal, SetRate, Step, Stop
 from .view.gate import Gate, is_loopback
@@ -92,7 +92,7 @@ class ViewNode(Node):
     def subscribe(self, interval: float) -> None:
         """Subscribe to what the markers do not show. interval: s between two true balls that are read."""
         refused = self.inputs.refused
-        Input(self, Odometry, "sim/ball", self.on_true_ball, NEWEST, largest=LARGEST_STATE, refused=refused, interval=interval)
+        Input(self, Odometry, "sim/ball", self.on_true_ball, SENSOR, largest=LARGEST_STATE, refused=refused, interval=interval)
         Input(self, DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE, largest=LARGEST_DIAGNOSTICS, refused=refused)
         for side in SIDES:
             on_image = lambda message, side=side: self.on_image(side, message)  # noqa: E731
@@ -109,7 +109,7 @@ class ViewNode(Node):
     def on_image(self, side: str, message: Image) -> None:
         """Keep an image for the panel."""
         try:
-            self.readings.images[side] = image_from_message(message)
+            self.readings.take_image(side, image_from_message(message), self.inputs.now())
         except TtError as error:
             self.inputs.refused(error)
 

@@ -28,6 +28,7 @@ COLOURS = ("#2e8b57", "#c77f1a", "#c0392b", "#888888")  # of the levels of diagn
 NAMES = ("ok", "warning", "error", "stale")
 EYE, TARGET = (-1.6, -3.1, 2.3), (0.75, 0.76, 0.0)  # m, from where the table is seen at first, and what is in the middle then
 FIELD_OF_VIEW = 0.9  # rad, upwards
+NARROW = np.array([-0.4, -0.5, 1.3])  # m, by which a narrow window looks past the table
 SIDE = 232  # pixels, width of an image that is sent; a taller one is squeezed
 STYLE = "font-size:0.8em;line-height:1.35;width:100%;border-collapse:collapse"
 
@@ -47,6 +48,7 @@ class Page:
         server.gui.set_panel_label(TITLE)
         server.initial_camera.position, server.initial_camera.look_at = np.array(EYE), np.array(TARGET)
         server.initial_camera.fov = FIELD_OF_VIEW
+        server.on_client_connect(step_back)
         server.scene.world_axes.visible = False
         server.scene.add_grid("/floor", width=8.0, height=6.0, cell_size=0.5, position=(1.0, 0.76, FLOOR_Z))
         self._shown = server.gui.add_html("")
@@ -115,14 +117,21 @@ class Page:
     def show(self, scene: Scene, readings: Readings) -> None:
         """Show what the panels have."""
         missing = [f"mesh not found: {place}" for place in sorted(self._scene.missing)]
-        self._shown.content = html.escape(" ".join([readings.shown, *missing]))
+        self._shown.content = f"<div style='padding:0 1em;font-size:0.85em'>{html.escape(' '.join([readings.shown, *missing]))}</div>"
         self._latency.content = latency_table(readings)
         self._speeds.content = speed_bars(scene)
         self._health.content = health_table(readings)
-        images = tuple(readings.images[side] for side in sorted(readings.images))
+        images = tuple(readings.images[side].image for side in sorted(readings.images))
         if any(image is not before for image, before in zip_longest(images, self._images)):
             self._images = images
             self._cameras.image = side_by_side(images)
+
+
+def step_back(client: viser.ClientHandle) -> None:
+    """Show a narrow window, such as that of a telephone, the whole table, above the panels in its lower half."""
+    if client.camera.aspect < 1.0:
+        client.camera.position = np.array(TARGET) + 1.9 * (np.array(EYE) - TARGET) - NARROW
+        client.camera.look_at = np.array(TARGET) - NARROW
 
 
 def clicked_place(origin: Array, direction: Array) -> Array | None:

@@ -7,12 +7,14 @@ import statistics
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from tt_core.arrays import Array
 
 KEPT = 50  # latencies of each stage
 MOST_NAMES = 60  # statuses that are kept
+IMAGE_KEPT = 1.0  # s for which a darker image does not replace a brighter one
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,14 @@ class Health:
     message: str
 
 
+class KeptImage(NamedTuple):
+    """An image (h, w), the sum of its grey levels, and when it came, s."""
+
+    image: np.ndarray
+    brightness: float
+    time: float
+
+
 @dataclass
 class Readings:
     """The newest of everything that is not in the 3D scene.
@@ -31,18 +41,24 @@ class Readings:
     Attributes:
         latencies: ms from the last frame to each stage, newest last, by the stage.
         health: By name.
-        images: (h, w) by camera.
+        images: By camera.
         shown: What was last done for the user, or why not.
     """
 
     latencies: dict[str, deque[float]] = field(default_factory=dict)
     health: dict[str, Health] = field(default_factory=dict)
-    images: dict[str, np.ndarray] = field(default_factory=dict)
+    images: dict[str, KeptImage] = field(default_factory=dict)
     shown: str = ""
 
     def take_latency(self, stage: str, milliseconds: float) -> None:
         """Take the latency (ms) of a stage."""
         self.latencies.setdefault(stage, deque(maxlen=KEPT)).append(milliseconds)
+
+    def take_image(self, camera: str, image: np.ndarray, now: float) -> None:
+        """Take an image (h, w) that came at `now` (s); of a burst the brightest is kept, in which most of the ball is seen."""
+        new, kept = KeptImage(image, float(image.sum()), now), self.images.get(camera)
+        if kept is None or new.brightness >= kept.brightness or not 0.0 <= now - kept.time < IMAGE_KEPT:
+            self.images[camera] = new
 
     def take_health(self, statuses: Iterable[Health]) -> None:
         """Take statuses; the oldest names go when there are too many."""

@@ -73,6 +73,13 @@ def table_items() -> list[Item]:
     ]
 
 
+def warm(physics: Physics) -> None:
+    """Load the kernels, so that no drawing waits for them."""
+    ball = BallState(0.0, np.array([2.0, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.zeros(3), 1e-6 * np.eye(9))
+    covariances(ball, physics, np.array([0.1]))
+    BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)
+
+
 @dataclass(slots=True)
 class Timed(Generic[T]):
     """A value with the time (s) until which it is shown."""

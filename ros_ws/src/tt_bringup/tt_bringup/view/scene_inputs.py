@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
-from nav_msgs.msg import Odometry
 from tt_arm.description import placed_description
 from tt_arm.model import BASE, MOUNT, URDF
 from tt_core.errors import TtError
@@ -25,7 +25,7 @@ from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
 from tt_core.ros.refusals import Refusals
 
 from .robot_shapes import RobotShapes
-from .scene import Joints, Scene
+from .scene import Joints, Scene, warm
 
 # bytes of a message at most
 LARGEST_STATE, LARGEST_PATH, LARGEST_STROKES, LARGEST_JOINTS, LARGEST_GOAL, LARGEST_URDF = 4096, 2**19, 2**15, 2**16, 4096, 2**22
@@ -51,6 +51,7 @@ class SceneInputs:
         self._node, self._urdf = node, placed_description(URDF.read_text(), BASE, MOUNT)
         self.scene = Scene(RobotShapes(self._urdf), physics)
         self.refused = Refusals(status, "message")
+        warm(physics)
         refused, trajectory = self.refused, MultiDOFJointTrajectory
         Input(node, String, "robot_description", self.on_description, LATCHED, largest=LARGEST_URDF, refused=refused)
         Input(node, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=refused, interval=interval)
