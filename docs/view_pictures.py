@@ -17,7 +17,7 @@ from tt_core.ros.convert import seconds, strokes_from_message
 from tt_core.ros.qos import LATEST, RELIABLE
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from browser import opened  # noqa: E402
+from browser import opened
 
 SIZES = ((1400, 900), (390, 844))  # pixels: of a desk, and of a telephone
 BEFORE = 0.03  # s from the pause to the strike
@@ -38,7 +38,9 @@ def main() -> None:
         executor.add_node(node)
         clock, strikes = [0.0], []
         node.create_subscription(Clock, "/clock", lambda m: clock.append(seconds(m.clock)), LATEST)
-        node.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", lambda m: strikes.append(strokes_from_message(m)[0].time), RELIABLE)
+        node.create_subscription(
+            MultiDOFJointTrajectory, "/racket/strokes", lambda m: strikes.append(strokes_from_message(m)[0].time), RELIABLE
+        )
         pause = node.create_client(SetBool, "/sim/pause")
 
         def wait(condition) -> None:

@@ -25,13 +25,13 @@ def wait_for_description() -> str:
     """Wait for robot_description, and return it."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("wait_for_description", enable_rosout=False, start_parameter_services=False)
-    received: list[str] = []
-    node.create_subscription(String, "robot_description", lambda message: received.append(message.data), LATCHED)
+    received: list[String] = []
+    node.create_subscription(String, "robot_description", received.append, LATCHED)
     while not received:
         rclpy.spin_once(node, timeout_sec=1.0)
     node.destroy_node()
     rclpy.try_shutdown()
-    return received[0]
+    return str(received[0].data)
 
 
 def main() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from functools import partial
 from itertools import zip_longest
 from queue import SimpleQueue
 
@@ -107,7 +108,11 @@ class Page:
             pause, go_on, step = gui.add_button("Pause"), gui.add_button("Go on"), gui.add_button("Step")
         buttons = ((stop, Stop()), (enable, Enable()), (pause, Pause(True)), (go_on, Pause(False)), (step, Step()))
         for button, action in buttons:
-            button.on_click(lambda _, action=action: self.actions.put(action))
+            button.on_click(partial(self._ask, action))
+
+    def _ask(self, action: Action, _: object) -> None:
+        """Put an action into the queue when its button is pressed."""
+        self.actions.put(action)
 
     def draw(self, items: Sequence[Item]) -> None:
         """Show the 3D scene."""

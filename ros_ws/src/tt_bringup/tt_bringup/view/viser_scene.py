@@ -82,7 +82,7 @@ class ViserScene:
             return None
         try:
             return trimesh.load(mesh_file(place), force="mesh")  # type: ignore[return-value]
-        except Exception:  # noqa: BLE001  # loaders of broken files raise anything
+        except Exception:  # loaders of broken files raise anything
             self.missing.add(place)
             return None
 
