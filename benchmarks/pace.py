@@ -19,7 +19,7 @@ from rclpy.node import Node
 from report import arguments, report
 from rich.console import Console
 from tt_bringup.demo import free_domain
-from tt_core.ros.diagnostics import Event, read_status
+from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import RELIABLE
 from tt_sim.world.outcome import Result
 from tt_tools import launch, packages
@@ -47,8 +47,7 @@ class Watch(Node):
                 self.results.append(Result(values["result"]) if json.loads(values["hit"]) else Result.MISSED)
             elif told.name in STAGES and "latency_ms" in values and told.event is not Event.SWING:
                 self.latencies[told.name].append(float(values["latency_ms"]))
-            if told.warns:
-                self.refusals.append(f"{told.name}: {re.sub(r'[0-9.]+', '#', told.message)}")
+        self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in read_warnings(message)]
 
 
 def main() -> None:

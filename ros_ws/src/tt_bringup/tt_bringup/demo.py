@@ -32,7 +32,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, goal_from_message, goal_to_message, seconds
-from tt_core.ros.diagnostics import Event, read_status
+from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.states import Array, BallState, ReturnGoal
 from tt_racket.goal import GoalParams, default_goal
@@ -112,8 +112,8 @@ class Demo(Node):
                 self.told, self.over = told.values, told.time
             elif told.event is Event.FIRST_COMMAND and self.latency_ms is None:
                 self.latency_ms = float(told.values["latency_ms"])
-            if told.warns:
-                self.refusal = f"{told.name}: {told.message}"
+        for warning in read_warnings(message):
+            self.refusal = f"{warning.name}: {warning.message}"
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from .convert import seconds
 from .inputs import Input
 from .qos import RELIABLE
 
-PERIOD = 1.0  # s between two reports about the inputs, and after which a status is repeated (REP-107)
+PERIOD = 1.0  # s between two reports about the inputs, and between two repetitions of a status (REP-107)
 INPUTS = "inputs"  # part that tells what a node waits for
 REPEATED = "since"  # key of a repeated status: when it was first published, s
 GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
@@ -45,26 +45,17 @@ class ReceivedStatus(NamedTuple):
         name: Of the node, with ": part" where it is about a part of it.
         message: What has happened, for people.
         values: All values by their keys.
-        warns: Whether its level is above OK.
     """
 
     time: float
     name: str
     message: str
     values: dict[str, str]
-    warns: bool = False
 
     @property
     def event(self) -> Event | None:
         """The event, None if the status is about none."""
         return Event.__members__.get(self.values.get("event", ""))
-
-
-class _Last(NamedTuple):
-    """The last status of one part. sent: s, monotonic clock, when it was last published."""
-
-    status: DiagnosticStatus
-    sent: float
 
 
 class Status:
@@ -84,7 +75,7 @@ class Status:
         self._node, self._hardware = node, hardware or socket.gethostname()
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
-        self._last: dict[str, _Last] = {}  # by part
+        self._last: dict[str, DiagnosticStatus] = {}  # what is repeated, by part
         self.publish("started")
         node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -149,14 +140,11 @@ class Status:
         since = KeyValue(key=REPEATED, value=f"{now.nanoseconds * 1e-9:.3f}")
         repeated = DiagnosticStatus(level=status.level, name=status.name, message=message, hardware_id=self._hardware)
         repeated.values = [since] if "event" in values else [since, *status.values]
-        self._last[part] = _Last(repeated, time.monotonic())
+        self._last[part] = repeated
 
     def _repeat(self) -> None:
-        """Publish the last status of every part that was not published within PERIOD."""
-        now = time.monotonic()
-        due = {part: last.status for part, last in list(self._last.items()) if now - last.sent >= PERIOD}
-        if due:
-            self._publish(list(due.values()))
+        """Publish the last status of every part again."""
+        self._publish(list(self._last.values()))
 
     def _publish(self, statuses: list[DiagnosticStatus]) -> None:
         array = DiagnosticArray(status=statuses)
@@ -166,8 +154,16 @@ class Status:
 
 def read_status(message: DiagnosticArray) -> list[ReceivedStatus]:
     """Return all statuses of a message that are not repeated ones."""
+    return [received for received, _ in _read(message)]
+
+
+def read_warnings(message: DiagnosticArray) -> list[ReceivedStatus]:
+    """Return those statuses of a message that are above the level OK and not repeated ones."""
+    return [received for received, level in _read(message) if level != DiagnosticStatus.OK]
+
+
+def _read(message: DiagnosticArray) -> list[tuple[ReceivedStatus, bytes]]:
+    """Return the statuses of a message that are not repeated ones, and the level of each."""
     time = seconds(message.header.stamp)
-    received = [
-        ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}, s.level != DiagnosticStatus.OK) for s in message.status
-    ]
-    return [status for status in received if REPEATED not in status.values]
+    received = [(ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}), s.level) for s in message.status]
+    return [(status, level) for status, level in received if REPEATED not in status.values]
