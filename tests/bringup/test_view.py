@@ -180,9 +180,12 @@ def test_readings_are_bounded_and_ordered():
     for i in range(200):
         readings.take_latency("slow", 50.0 + i % 2)
         readings.take_latency("fast", 5.0)
-        readings.take_health([Health(f"node {i}", 0, "fine")])
+        readings.take_health([Health(0.1 * i, f"node {i}", 0, "fine")])
     assert [stage for stage, _, _ in readings.median_latencies()] == ["fast", "slow"]
     assert len(readings.health) == 60 and "node 199" in readings.health
+    readings.take_health([Health(19.9, "bad", 2, "broken")])
+    shown = readings.health_at(20.0)
+    assert [status.level for status in shown] == [3] * 10 + [2] + [0] * 49  # what is older than 5 s is stale
 
 
 def test_of_a_burst_the_brightest_image_is_kept():

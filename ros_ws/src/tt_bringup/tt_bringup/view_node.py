@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import secrets
+import socket
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -87,7 +88,8 @@ class ViewNode(Node):
         self.enabler, self.stopper = self.create_client(SetBool, "arm/enable"), self.create_client(Trigger, "arm/stop")
         self.pauser, self.stepper = self.create_client(SetBool, "sim/pause"), self.create_client(Trigger, "sim/step")
         self.create_timer(1.0 / params.rate, self.on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.get_logger().info(f"http://{params.host}:{self.gate.port}/" + (f"?token={token}" if token else ""))
+        host = socket.gethostname() if params.host in ("0.0.0.0", "::") else params.host
+        self.get_logger().info(f"http://{host}:{self.gate.port}/" + (f"?token={token}" if token else ""))
 
     def subscribe(self, interval: float) -> None:
         """Subscribe to what the markers do not show. interval: s between two true balls that are read."""
@@ -115,12 +117,13 @@ class ViewNode(Node):
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """Keep statuses, latencies, and where a ball landed."""
-        self.readings.take_health(Health(s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
+        now = self.inputs.now()
+        self.readings.take_health(Health(now, s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
         for told in read_status(message):
             if told.event in STAGES and "latency_ms" in told.values:
                 self.readings.take_latency(told.event.value, float(told.values["latency_ms"]))
             elif told.event is Event.BALL_OVER and (place := landing_place(told.values)) is not None:
-                self.inputs.scene.take_landing(place, self.inputs.now())
+                self.inputs.scene.take_landing(place, now)
 
     def on_timer(self) -> None:
         """Do what users have asked for, and update the page."""
@@ -128,9 +131,10 @@ class ViewNode(Node):
             self.do(self.page.actions.get())
         if not self.gate.watchers:
             return
-        self.page.draw(self.inputs.scene.items(self.inputs.now()))
+        now = self.inputs.now()
+        self.page.draw(self.inputs.scene.items(now))
         if self.updates % PANELS == 0:
-            self.page.show(self.inputs.scene, self.readings)
+            self.page.show(self.inputs.scene, self.readings, now)
         self.updates += 1
 
     def do(self, action: Action) -> None:

@@ -119,13 +119,13 @@ class Page:
         with self._server.atomic():
             self._scene.draw(items)
 
-    def show(self, scene: Scene, readings: Readings) -> None:
-        """Show what the panels have."""
+    def show(self, scene: Scene, readings: Readings, now: float) -> None:
+        """Show in the panels what is known at `now` (s)."""
         missing = [f"mesh not found: {place}" for place in sorted(self._scene.missing)]
         self._shown.content = f"<div style='padding:0 1em;font-size:0.85em'>{html.escape(' '.join([readings.shown, *missing]))}</div>"
         self._latency.content = latency_table(readings)
         self._speeds.content = speed_bars(scene)
-        self._health.content = health_table(readings)
+        self._health.content = health_table(readings, now)
         images = tuple(readings.images[side].image for side in sorted(readings.images))
         if any(image is not before for image, before in zip_longest(images, self._images)):
             self._images = images
@@ -190,10 +190,10 @@ def speed_bars(scene: Scene) -> str:
     return f"<table style='{STYLE}'>{''.join(rows)}</table>"
 
 
-def health_table(readings: Readings) -> str:
-    """Return the diagnostics as HTML, those that are not OK first."""
+def health_table(readings: Readings, now: float) -> str:
+    """Return the diagnostics at `now` (s) as HTML, those that are not OK first."""
     rows = []
-    for status in sorted(readings.health.values(), key=lambda status: (-status.level, status.name)):
+    for status in readings.health_at(now):
         level = min(status.level, 3)
         label = f"<span style='color:{COLOURS[level]}'>{NAMES[level]}</span>"
         rows.append(

@@ -6,7 +6,7 @@ import json
 import statistics
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +14,15 @@ from tt_core.arrays import Array
 
 KEPT = 50  # latencies of each stage
 MOST_NAMES = 60  # statuses that are kept
+STALE = 5.0  # s after which a status that was not repeated is stale
 IMAGE_KEPT = 1.0  # s for which a darker image does not replace a brighter one
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """The newest status of one part of a node. level: 0 OK, 1 warning, 2 error, 3 stale."""
+    """The newest status of one part of a node, which came at `time` (s). level: 0 OK, 1 warning, 2 error, 3 stale."""
 
+    time: float
     name: str
     level: int
     message: str
@@ -67,6 +69,11 @@ class Readings:
             self.health[status.name] = status
         while len(self.health) > MOST_NAMES:
             del self.health[next(iter(self.health))]
+
+    def health_at(self, now: float) -> list[Health]:
+        """Return all statuses at `now` (s), the worst first; those that were not repeated are stale."""
+        aged = [status if now - status.time < STALE else replace(status, level=3) for status in self.health.values()]
+        return sorted(aged, key=lambda status: (-status.level, status.name))
 
     def median_latencies(self) -> list[tuple[str, float, float]]:
         """Return stage, newest latency and median latency, ms, in the order of the data."""
