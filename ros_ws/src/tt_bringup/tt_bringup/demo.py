@@ -247,8 +247,8 @@ def free_port() -> int:
 
 def stay(waiter: Waiter) -> None:
     """Keep the graph for the page of the view until Ctrl-C."""
-    print("the page stays until Ctrl-C; its buttons launch balls", flush=True)
     with suppress(KeyboardInterrupt):
+        print("the page stays until Ctrl-C; its buttons launch balls", flush=True)
         waiter.wait(lambda: False, math.inf, "Ctrl-C")
 
 

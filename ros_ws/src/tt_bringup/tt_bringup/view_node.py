@@ -41,7 +41,7 @@ from .view.page import Page
 from .view.readings import Health, Readings, landing_place
 from .view.scene_inputs import SceneInputs
 
-NICE = 5  # priority of the process: the robot comes first
+NICE = 10  # priority of the process: the robot comes first
 SIDES = ("left", "right")
 PANELS = 6  # updates of the scene for each update of the panels
 IMAGES = 0.01  # s between two images that are read of each camera
