@@ -66,7 +66,7 @@ class Status:
     """
 
     def __init__(self, node: Node, hardware: str = "") -> None:
-        """Publish "NODE: started", and begin to repeat.
+        """Begin to repeat; until the node publishes a status, it is "started".
 
         Args:
             node: The node.
@@ -76,7 +76,7 @@ class Status:
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         self._last: dict[str, DiagnosticStatus] = {}  # what is repeated, by part
-        self.publish("started")
+        self._keep("", self._status("", "started", False, {}))
         node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(
@@ -126,21 +126,26 @@ class Status:
         self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _send(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
-        now = self._node.get_clock().now()
-        status = DiagnosticStatus(
+        status = self._status(part, message, warn, values)
+        self._publish([status])
+        if part != INPUTS:  # these are published once a second anyway
+            self._keep(part, status)
+
+    def _status(self, part: str, message: str, warn: bool, values: dict[str, object]) -> DiagnosticStatus:
+        return DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
             name=f"{self._name}: {part}" if part else self._name,
             message=message,
             hardware_id=self._hardware,
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )
-        self._publish([status])
-        if part == INPUTS:  # published once a second anyway
-            return
-        since = KeyValue(key=REPEATED, value=f"{now.nanoseconds * 1e-9:.3f}")
-        repeated = DiagnosticStatus(level=status.level, name=status.name, message=message, hardware_id=self._hardware)
-        repeated.values = [since] if "event" in values else [since, *status.values]
-        self._last[part] = repeated
+
+    def _keep(self, part: str, status: DiagnosticStatus) -> None:
+        """Repeat a status from now on."""
+        since = KeyValue(key=REPEATED, value=f"{self._node.get_clock().now().nanoseconds * 1e-9:.3f}")
+        kept = DiagnosticStatus(level=status.level, name=status.name, message=status.message, hardware_id=status.hardware_id)
+        kept.values = [since] if any(value.key == "event" for value in status.values) else [since, *status.values]
+        self._last[part] = kept
 
     def _repeat(self) -> None:
         """Publish the last status of every part again."""
