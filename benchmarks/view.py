@@ -33,7 +33,6 @@ RATE = 60.0  # balls a minute
 BLOCK = 15  # balls with the view, then as many without it
 READY = 90.0  # s until the first swing
 AWAY = 2  # balls at the start of each block that do not count: the view starts or ends
-LOADED = 6.0  # s for the client to find the page
 
 
 class Watch(Node):
@@ -57,10 +56,16 @@ class Watch(Node):
 
 
 async def read_all(port: int) -> None:
-    """Count the messages of the page and their bytes, and print both once a second."""
+    """Connect to the page as soon as it is served; count its messages and their bytes, and print both once a second."""
     page = f"127.0.0.1:{port}"
     protocols = [websockets.Subprotocol(f"viser-v{viser.__version__}")]
-    async with websockets.connect(f"ws://{page}", origin=f"http://{page}", subprotocols=protocols, max_size=None) as socket:
+    while True:
+        try:
+            socket = await websockets.connect(f"ws://{page}", origin=f"http://{page}", subprotocols=protocols, max_size=None)
+            break
+        except OSError:
+            await asyncio.sleep(0.2)
+    async with socket:
         count, size, due = 0, 0, time.monotonic() + 1.0
         async for message in socket:
             count, size = count + 1, size + len(message)
@@ -74,8 +79,8 @@ def viewed(seconds: dict[str, list[float]]) -> Iterator[None]:
     """Show the graph to a client; append messages and MB a second that it received, and the CPU of the view in percent."""
     port = free_port()
     view = psutil.Popen([str(packages.executable("tt_bringup", "view_node")), "--ros-args", "-p", f"port:={port}"], start_new_session=True)
-    time.sleep(LOADED)
     client = subprocess.Popen([sys.executable, __file__, "--client", str(port)], stdout=subprocess.PIPE, text=True)
+    client.stdout.readline()  # of its first second
     started, spent = time.monotonic(), sum(view.cpu_times()[:2])
     try:
         yield
