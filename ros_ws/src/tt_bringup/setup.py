@@ -22,7 +22,7 @@ setup(
         ("share/tt_bringup", ["package.xml"]),
         (
             "lib/tt_bringup",
-            [f"scripts/{name}" for name in ("compare", "marker_node", "reprocess", "robot_state_publisher", "view_node")],
+            ["scripts/compare", "scripts/marker_node", "scripts/reprocess", "scripts/robot_state_publisher", "scripts/view_node"],
         ),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),

@@ -166,9 +166,9 @@ class SimNode(Node):
         self.loop.rate = launcher.rate
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """Hand the joint velocities of a command to the drive, as of its arrival; count and report a command that the drive refuses."""
+        """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
         try:
-            self.drive.take(message.data, time.monotonic() - self.commands.waited)
+            self.drive.take(message.data, time.monotonic())
         except TtError as error:
             self.on_refused(error)
 

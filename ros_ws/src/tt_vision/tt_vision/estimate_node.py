@@ -142,9 +142,7 @@ class EstimateNode(Node):
             info, image = f"camera/{name}/camera_info", f"camera/{name}/image_raw"
             on_info, on_image = partial(self.on_info, side), partial(self.on_image, side)
             inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side]))
-            inputs.append(
-                Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side], reliably=RECORDED)
-            )
+            inputs.append(Input(self, Image, image, on_image, (SENSOR, RECORDED), largest=LARGEST_IMAGE, refused=self.bad_images[side]))
         self.status.wait_for([one for side in self.sides for one in inputs[2 * side : 2 * side + 2]])
 
     def on_info(self, side: int, message: CameraInfo) -> None:

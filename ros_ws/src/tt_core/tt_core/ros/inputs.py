@@ -28,7 +28,6 @@ class Input:
     Attributes:
         topic: The resolved name.
         publishers: How many publishers the topic had at the last look.
-        waited: s, that the message which was accepted last had been here before its callback, on a process that was held up.
     """
 
     def __init__(
@@ -37,11 +36,10 @@ class Input:
         kind: type,
         topic: str,
         callback: Callable[[Any], None],
-        qos: QoSProfile,
+        qos: QoSProfile | tuple[QoSProfile, QoSProfile],
         *,
         largest: int,
         refused: Callable[[TtError], None],
-        reliably: QoSProfile | None = None,
         interval: float = 0.0,
     ) -> None:
         """Subscribe.
@@ -51,16 +49,16 @@ class Input:
             kind: Message type.
             topic: Name, relative or absolute.
             callback: Takes each message that is accepted.
-            qos: What is asked for where the publishers offer it.
+            qos: What is asked for where the publishers offer it. Of two, the second is asked for where all publishers are reliable.
             largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
-            reliably: What is asked for instead of `qos` where all publishers are reliable.
             interval: s. A message that comes sooner than this after the last one is dropped without being read.
         """
-        self._node, self._kind, self._callback, self._wanted, self._reliably = node, kind, callback, qos, reliably
+        self._node, self._kind, self._callback = node, kind, callback
+        self._wanted, self._reliably = qos if isinstance(qos, tuple) else (qos, qos)
         self._largest, self._refused, self._interval, self._due = largest, refused, interval, 0.0
-        self.topic, self.publishers, self.waited = node.resolve_topic_name(topic), 0, 0.0
-        self._asked = qos
+        self.topic, self.publishers = node.resolve_topic_name(topic), 0
+        self._asked = self._wanted
         self._subscription = self._subscribe()
         node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -68,8 +66,8 @@ class Input:
         """Ask for what all publishers that are there now can serve."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
         self.publishers = len(offered)
-        reliable = self._reliably is not None and all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)
-        asked = compatible(self._reliably if reliable and self._reliably else self._wanted, offered)
+        is_reliable = all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)
+        asked = compatible(self._reliably if is_reliable else self._wanted, offered)
         if offered and (asked.reliability, asked.durability) != (self._asked.reliability, self._asked.durability):
             self._asked = asked
             self._node.destroy_subscription(self._subscription)
@@ -79,13 +77,12 @@ class Input:
         events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor
         return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
-    def _on_data(self, data: bytes, info: dict[str, int]) -> None:
+    def _on_data(self, data: bytes) -> None:
         if self._interval:
             now = time.monotonic()
             if now < self._due:
                 return
             self._due = now + self._interval
-        self.waited = max(0.0, 1e-9 * (time.time_ns() - info["received_timestamp"]))
         try:
             check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)
             message = deserialize_message(data, self._kind)
