@@ -1,0 +1,402 @@
+"""The facade of tracking: what was seen goes in, the ball at any time comes out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from tt_core.arrays import POSITION, SPIN, VELOCITY
+from tt_core.constants import BALL_RADIUS, FLOOR_Z
+from tt_core.errors import BadChoice, OutOfRange, TtError, check_array, check_range
+from tt_core.events import FARTHEST, FASTEST, LONGEST
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+from tt_core.tangents import DRAG, FRICTION, GRIP, LIFT, PARAMETERS, RESTITUTION
+
+from ..camera import Camera
+from . import cold_start
+from .history import POSITION as A_POSITION
+from .history import History
+from .params import TrackerParams
+from .window_fit import Prior, Workspace, fit, invert, predict, shift, workspace
+
+RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
+MISSED = 6
+SILENCE = 0.5  # s without a measurement, after which another ball is looked for
+SLACK = 0.05  # s, by which the window may grow beyond its lag before its start moves
+WIDEST_PLACE = 30.0  # m, standard deviation of the place of a ball before anything is measured
+LEAST_VARIANCES = np.repeat([1e-10, 1e-8, 1e-4], 3)  # m^2, (m/s)^2, (rad/s)^2: of a measured ball, so that its covariance has an inverse
+MOST_SPIN = 1e4  # rad/s
+UNKNOWN_BALL = np.repeat([0.02, 0.3, 100.0], 3) ** 2  # variances of a ball that is given without a covariance
+LATEST = 1e12  # s, of a stamp
+
+
+class NotACovariance(TtError):
+    """A matrix that is no covariance."""
+
+    def __init__(self, name: str, eigenvalue: float) -> None:
+        """Keep the smallest eigenvalue; NaN if the matrix is not symmetric."""
+        super().__init__(f"{name} is not a covariance: smallest eigenvalue {eigenvalue:g}")
+        self.name, self.eigenvalue = name, eigenvalue
+
+
+@dataclass(frozen=True, slots=True)
+class TrackCounts:
+    """How many measurements were taken, and what became of the others.
+
+    Attributes:
+        taken: Taken into the window.
+        late: Refused as older than the window.
+        restarts: How often another ball was found than the one that was followed.
+    """
+
+    taken: int = 0
+    late: int = 0
+    restarts: int = 0
+
+
+@dataclass(slots=True, eq=False)
+class _Track:
+    """One ball: prior, estimate, and results of the fit."""
+
+    prior: Prior
+    unknowns: Array
+    space: Workspace
+    excess: float = 1.0
+
+
+class Tracker:
+    """Follow one ball.
+
+    The ball is started by a measured state, or found in positions or pixels alone. Measurements may arrive in any order; each counts at its
+    stamp. What is older than the window of `TrackerParams.lag` is refused. Nothing is computed before a state is asked for.
+    """
+
+    def __init__(self, physics: Physics, cameras: Sequence[Camera] = (), params: TrackerParams | None = None) -> None:
+        """Begin without a ball.
+
+        Args:
+            physics: Models of air and table.
+            cameras: Those whose pixels will be given.
+            params: Assumptions; None for the defaults.
+        """
+        self.params = TrackerParams() if params is None else params
+        self.counts = TrackCounts()
+        self._models, self._physics = physics, physics.coefficients
+        self._cameras = np.array([camera.vector for camera in cameras]).reshape(-1, 20)
+        self._unknowns = PARAMETERS + (2 * len(self._cameras) if self.params.camera_bias > 0.0 else 0)
+        self._noise = np.array([self.params.acceleration_noise, self.params.spin_noise]) ** 2
+        self._history, self._outside = History(), History()
+        self._track: _Track | None = None
+        self._known = self._changed = False
+        self._latest = -math.inf  # s, of the last measurement that is used
+
+    def start(self, ball: BallState) -> None:
+        """Start anew from a measured ball. Measurements after its time are kept, earlier ones are forgotten.
+
+        Args:
+            ball: In `table`. Without a covariance it counts as a rough guess (UNKNOWN_BALL).
+
+        Raises:
+            NotACovariance: The covariance is not symmetric, or has a negative eigenvalue.
+            OutOfRange: Time, place, velocity or spin is not that of a ball.
+        """
+        check_range("time", ball.time, -LATEST, LATEST)
+        for name, values, most in (("position", ball.position, FARTHEST), ("velocity", ball.velocity, FASTEST), ("spin", ball.spin, MOST_SPIN)):
+            check_range(name, float(np.abs(values).max()), 0.0, most)
+        covariance = np.diag(UNKNOWN_BALL) if ball.covariance is None else _covariance("covariance", ball.covariance, (9, 9), -1e-9)
+        history = self._history
+        kept = int(np.searchsorted(history.measurements.times, ball.time))
+        history.drop(kept)
+        history.measurements.used[:] = False
+        if len(history) and history.measurements.times[-1] > ball.time + LONGEST:
+            history.clear()
+        self._outside.clear()
+        self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES))
+        self._known, self._changed, self._latest = True, True, ball.time
+
+    def add_position(self, time: float, position: Array, covariance: Array) -> None:
+        """Take a measured position of the ball.
+
+        Args:
+            time: s.
+            position: (3,) m in `table`.
+            covariance: (3, 3) m^2.
+
+        Raises:
+            NotACovariance: `covariance` is not symmetric, or not positive definite.
+            NotFinite: A number is NaN or infinite.
+            BadShape: An array has another shape.
+            OutOfRange: The time is absurd, or the position farther than FARTHEST.
+        """
+        time = check_range("time", time, -LATEST, LATEST)
+        position = check_array("position", position, (3,))
+        check_range("position", float(np.abs(position).max()), 0.0, FARTHEST)
+        matrix = _covariance("covariance", covariance, (3, 3), 0.0)
+        self._add(time, A_POSITION, position, np.linalg.inv(np.linalg.cholesky(matrix)))
+
+    def add_pixel(self, time: float, camera_index: int, pixel: Array, sigma: float) -> None:
+        """Take the pixel at which a camera sees the ball.
+
+        Args:
+            time: s.
+            camera_index: Of `cameras`.
+            pixel: (2,) u, v.
+            sigma: Standard deviation of each, pixels.
+
+        Raises:
+            BadChoice: There is no such camera.
+            NotFinite: A number is NaN or infinite.
+            BadShape: `pixel` has another shape.
+            OutOfRange: The time is absurd, `sigma` is not positive, or the pixel is in no image.
+        """
+        time = check_range("time", time, -LATEST, LATEST)
+        if isinstance(camera_index, bool) or camera_index not in range(len(self._cameras)):
+            raise BadChoice("camera_index", str(camera_index), tuple(map(str, range(len(self._cameras)))))
+        pixel = check_array("pixel", pixel, (2,))
+        check_range("pixel", float(np.abs(pixel).max()), 0.0, 1e5)
+        root = np.zeros((3, 3))
+        root[0, 0] = 1.0 / check_range("sigma", sigma, 1e-4, 1e4)
+        self._add(time, int(camera_index), np.append(pixel, 0.0), root)
+
+    def state(self, time: float | None = None) -> BallState | None:
+        """Return the ball with its covariance.
+
+        Args:
+            time: s; None for the time of the last measurement that is used. Bounces on the table are on the way; net and racket are not.
+
+        Returns:
+            The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST after the last one, and
+            below the floor.
+
+        Raises:
+            NotFinite: The time is NaN or infinite.
+        """
+        time = None if time is None else check_range("time", time, -math.inf, math.inf)
+        self._update()
+        track = self._track
+        if track is None or not self._known:
+            return None
+        at = max(self._latest, track.prior.time) if time is None else time
+        if not track.prior.time <= at <= max(self._latest, track.prior.time) + LONGEST:
+            return None
+        return self._predict(track, at)
+
+    @property
+    def physics(self) -> Physics:
+        """The models with the factors of this ball, and of the table as this ball met it."""
+        self._update()
+        if self._track is None or not self._known:
+            return self._models
+        factors = np.exp(self._track.unknowns[:PARAMETERS])
+        air, table = self._models.air, self._models.table
+        drag, lift = float(factors[DRAG]), float(factors[LIFT])
+        return replace(
+            self._models,
+            air=replace(
+                air, drag=air.drag * drag, drag_h=air.drag_h * drag, lift=air.lift * lift, lift_h=air.lift_h * lift, lift_ratio=air.lift_ratio * lift
+            ),
+            table=replace(
+                table,
+                restitution=min(1.0, table.restitution * float(factors[RESTITUTION])),
+                friction=min(2.0, table.friction * float(factors[FRICTION])),
+                grip=min(2.0, table.grip * float(factors[GRIP])),
+            ),
+        )
+
+    @property
+    def factors(self) -> tuple[Array, Array] | None:
+        """Logarithms (5,) of the factors on drag, lift, restitution, friction, grip, and their covariance (5, 5); None without a ball."""
+        self._update()
+        if self._track is None or not self._known:
+            return None
+        part = slice(DRAG, PARAMETERS)
+        return self._track.unknowns[part].copy(), self._track.space.covariance[part, part].copy()
+
+    def _predict(self, track: _Track, at: float) -> BallState | None:
+        """Return the ball at a time (s) not before the window, or None if that is no ball any more."""
+        state, covariance = predict(
+            track.unknowns, track.space.covariance, at - track.prior.time, at - self._latest, self._physics, self._noise
+        )
+        if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[2] < FLOOR_Z + 0.5 * BALL_RADIUS:
+            return None
+        return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
+
+    def _begin(self, time: float, state: Array, covariance: Array) -> None:
+        """Start a track with state (9,) and covariance (9, 9) at a time (s)."""
+        mean, full = np.zeros(self._unknowns), np.zeros((self._unknowns, self._unknowns))
+        mean[:9], full[:9, :9] = state, covariance
+        spreads = np.concatenate([self.params.factor_spreads, np.full(self._unknowns - PARAMETERS, self.params.camera_bias)])
+        full[9:, 9:] = np.diag(spreads**2)
+        space = workspace(self._unknowns) if self._track is None else self._track.space
+        space.covariance[:] = full
+        self._track = _Track(Prior(time, mean, invert(full)), mean.copy(), space)
+
+    def _add(self, time: float, camera: int, value: Array, root: Array) -> None:
+        """Take a checked measurement into the window, or beside it."""
+        times = self._history.measurements.times
+        newest = max(times[-1] if len(times) else -math.inf, self._latest)
+        oldest = self._track.prior.time if self._track is not None else newest - self.params.lag
+        if oldest <= time <= newest + SILENCE or not math.isfinite(newest):
+            self._outside.clear()
+            self._take(time, camera, value, root)
+            return
+        # either late, or the first sight of another ball, or of a clock that was set: those agree among themselves
+        late = time < oldest
+        self.counts = replace(self.counts, late=self.counts.late + late)
+        if self._outside.full:
+            self._outside.drop(1)
+        self._outside.add(time, camera, value, root)
+        beside = self._outside.measurements
+        first = int(np.searchsorted(beside.times, beside.times[-1] - cold_start.SPAN))
+        self._outside.drop(first)
+        if self._from_parabola(self._outside, 0):
+            self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
+
+    def _take(self, time: float, camera: int, value: Array, root: Array) -> None:
+        if self._history.full:
+            self._make_room()
+        if self._history.add(time, camera, value, root):
+            self._changed = True
+            self.counts = replace(self.counts, taken=self.counts.taken + 1)
+
+    def _make_room(self) -> None:
+        """Let the older half of a full window go."""
+        self._update()
+        half = len(self._history) // 2
+        if self._history.full:
+            if self._track is not None and self._known:
+                self._shift(float(self._history.measurements.times[half]))
+            else:
+                self._history.drop(half)
+
+    def _update(self) -> None:
+        """Fit the ball to what has been seen."""
+        if not self._changed:
+            return
+        self._changed = False
+        if not self._known:
+            self._find()
+            return
+        if not self._fit():
+            self._known, self._track = False, None
+            self._find()
+            return
+        self._doubt()
+        if self._track is not None and self._latest - self._track.prior.time > self.params.lag + SLACK:
+            self._shift(self._latest - self.params.lag)
+
+    def _fit(self) -> bool:
+        """Fit the track; return whether there is one now."""
+        track = self._track
+        if track is None:
+            return False
+        seen = self._history.measurements
+        excess = fit(
+            track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess
+        )
+        if math.isnan(excess):
+            return False
+        track.excess = excess
+        used = seen.times[seen.used]
+        self._latest = max(track.prior.time, float(used[-1]) if len(used) else -math.inf)
+        return True
+
+    def _find(self) -> None:
+        """Look for a ball in the newest measurements."""
+        times = self._history.measurements.times
+        if len(times) == 0:
+            return
+        first = max(len(times) - cold_start.MOST, int(np.searchsorted(times, times[-1] - cold_start.SPAN)))
+        self._from_parabola(self._history, first)
+
+    def _doubt(self) -> None:
+        """Look for another ball if the newest measurements do not fit the track."""
+        seen = self._history.measurements
+        if len(seen.times) < RECENT or np.count_nonzero(~seen.used[-RECENT:]) < MISSED:
+            return
+        first = len(seen.times) - RECENT
+        while first > 0 and not seen.used[first - 1] and len(seen.times) - first < cold_start.MOST:
+            first -= 1
+        first = max(first, int(np.searchsorted(seen.times, seen.times[-1] - cold_start.SPAN)))
+        kept = seen.used.copy()
+        if self._from_parabola(self._history, first):
+            self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
+        elif len(kept) == len(self._history):
+            self._history.measurements.used[:] = kept
+
+    def _from_parabola(self, source: History, first: int) -> bool:
+        """Start a track from the measurements of `source` from the index `first` on, if a ball is known from them.
+
+        The measurements before are forgotten. If no ball is found nothing changes, but that `used` of those looked at may.
+        """
+        seen, parabola = source.part(max(first, len(source) - cold_start.MOST), len(source)), np.empty(6)
+        if not cold_start.find_parabola(seen, self._cameras, parabola):
+            return False
+        before = (self._track, self._known, self._latest, self._history)
+        start = len(source) - len(seen.times) + int(np.argmax(seen.used))
+        self._track, self._history = None, History()
+        part = source.part(start, len(source))
+        for time, camera, value, root, used in zip(*part, strict=True):
+            self._history.add(float(time), int(camera), value, root)
+            self._history.measurements.used[:] = part.used[: len(self._history)]
+        params = self.params
+        self._begin(
+            float(part.times[0]),
+            np.concatenate([parabola, np.zeros(3)]),
+            np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, params.spin_spread], 3) ** 2),
+        )
+        if self._fit() and self._is_known():
+            self._known = True
+            if source is self._outside:
+                self._outside = History()
+            return True
+        self._track, self._known, self._latest, self._history = before
+        return False
+
+    def _is_known(self) -> bool:
+        """Tell whether place and velocity at the last measurement are known well enough."""
+        assert self._track is not None
+        ball = self._predict(self._track, self._latest)
+        if ball is None or ball.covariance is None:
+            return False
+        place, speed = (math.sqrt(float(np.trace(ball.covariance[part, part]))) for part in (POSITION, VELOCITY))
+        return place < self.params.known_position and speed < self.params.known_speed
+
+    def _shift(self, until: float) -> None:
+        """Move the start of the window to `until` (s)."""
+        track = self._track
+        if track is None:
+            return
+        gone = int(np.searchsorted(self._history.measurements.times, until))
+        track.prior = shift(
+            track.unknowns,
+            track.prior,
+            until,
+            self._history.part(0, gone),
+            self._physics,
+            self._noise,
+            track.space,
+            track.excess,
+        )
+        self._history.drop(gone)
+
+
+def _covariance(name: str, value: Any, shape: tuple[int, int], least: float) -> Array:
+    """Return a checked covariance; its smallest eigenvalue must be above `least` times the largest (in units of its diagonal)."""
+    matrix = check_array(name, value, shape)
+    scale = float(np.abs(matrix).max())
+    if scale == 0.0 and least < 0.0:
+        return matrix
+    if not np.abs(matrix - matrix.T).max() <= 1e-6 * scale:
+        raise NotACovariance(name, math.nan)
+    values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
+    if not values[0] > least * max(abs(values[-1]), 1e-300) or (least == 0.0 and values[0] <= 1e-16):
+        raise NotACovariance(name, float(values[0]))
+    return matrix
+
+
+__all__ = ["NotACovariance", "TrackCounts", "Tracker"]
