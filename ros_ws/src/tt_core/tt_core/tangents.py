@@ -40,13 +40,14 @@ class Scratch(NamedTuple):
     stages: Array  # (6, 3, PARAMETERS), derivatives of the acceleration at each stage
     stage: Array  # (3, PARAMETERS), derivatives of the velocity at one stage
     jacobian: Array  # (3, 8), of the acceleration by velocity, spin, and the logarithms of drag and lift
+    tangents: Array  # (9, PARAMETERS)
 
 
 @njit(cache=True)
 def scratch() -> Scratch:
     """Return new arrays."""
     return Scratch(
-        np.empty((8, 3)), np.empty(9), np.empty(9), np.empty((6, 3, PARAMETERS)), np.empty((3, PARAMETERS)), np.empty((3, 8))
+        np.empty((8, 3)), np.empty(9), np.empty(9), np.empty((6, 3, PARAMETERS)), np.empty((3, PARAMETERS)), np.empty((3, 8)), np.empty((9, PARAMETERS))
     )
 
 
@@ -77,7 +78,7 @@ def with_factors(physics: PhysicsCoefficients, parameters: Array) -> PhysicsCoef
 
 
 @njit(cache=True, error_model="numpy")
-def _acceleration_jacobian(
+def acceleration_jacobian(
     v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, air: AirCoefficients, out: Array
 ) -> tuple[float, float, float]:
     """Return the acceleration (3.1)-(3.3), and fill out (3, 8) with its derivatives: see `Scratch.jacobian`."""
@@ -159,7 +160,7 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
                     stage[r, c] += a * stages[j, r, c]
         if air.spin_decay != 0.0:
             fade = math.exp(-air.spin_decay * _C[i] * h)
-        a0, a1, a2 = _acceleration_jacobian(s0, s1, s2, fade * w0, fade * w1, fade * w2, air, jacobian)
+        a0, a1, a2 = acceleration_jacobian(s0, s1, s2, fade * w0, fade * w1, fade * w2, air, jacobian)
         work[i, 0], work[i, 1], work[i, 2] = a0, a1, a2
         b = h * _B[i]
         for r in range(3):

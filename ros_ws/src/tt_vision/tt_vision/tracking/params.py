@@ -35,6 +35,9 @@ class TrackerParams:
         0.05, "m/s^2/sqrt(Hz)", "root of the power density of accelerations that no model knows", low=0.0, high=10.0
     )
     spin_noise: float = param(1.0, "rad/s^2/sqrt(Hz)", "root of the power density of changes of spin that no model knows", low=0.0, high=1e3)
+    bounce_noise: float = param(
+        1.0, "rad/s", "standard deviation of a change of spin at a bounce that no model knows", low=1e-3, high=100.0
+    )
     camera_bias: float = param(
         0.0, "pixels", "standard deviation of a constant error of each camera's pixel coordinates, as of a turned camera", low=0.0, high=100.0
     )

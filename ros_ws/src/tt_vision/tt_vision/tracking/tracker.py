@@ -21,7 +21,8 @@ from . import cold_start
 from .history import POSITION as A_POSITION
 from .history import History
 from .params import TrackerParams
-from .window_fit import Prior, Workspace, fit, invert, predict, shift, workspace
+from .prediction import predict
+from .window_fit import Prior, Workspace, fit, invert, shift, workspace
 
 RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
 MISSED = 6
@@ -88,7 +89,8 @@ class Tracker:
         self._models, self._physics = physics, physics.coefficients
         self._cameras = np.array([camera.vector for camera in cameras]).reshape(-1, 20)
         self._unknowns = PARAMETERS + (2 * len(self._cameras) if self.params.camera_bias > 0.0 else 0)
-        self._noise = np.array([self.params.acceleration_noise, self.params.spin_noise]) ** 2
+        self._noise = np.array([self.params.acceleration_noise**2, self.params.spin_noise**2, self.params.bounce_noise])
+        self._broad = np.array([*3 * (self.params.spin_spread,), self.params.drag_spread, self.params.lift_spread])
         self._history, self._outside = History(), History()
         self._track: _Track | None = None
         self._known = self._changed = False
@@ -218,9 +220,8 @@ class Tracker:
 
     def _predict(self, track: _Track, at: float) -> BallState | None:
         """Return the ball at a time (s) not before the window, or None if that is no ball any more."""
-        state, covariance = predict(
-            track.unknowns, track.space.covariance, at - track.prior.time, at - self._latest, self._physics, self._noise
-        )
+        duration, unseen = at - track.prior.time, at - self._latest
+        state, covariance = predict(track.unknowns, track.space.covariance, duration, unseen, self._physics, self._noise, self._broad)
         if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[2] < FLOOR_Z + 0.5 * BALL_RADIUS:
             return None
         return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)

@@ -389,24 +389,3 @@ def add_noise(covariance: Array, duration: float, noise: Array) -> None:
         covariance[VX + k, X + k] += noise[0] * duration**2 / 2.0
         covariance[VX + k, VX + k] += noise[0] * duration
         covariance[WX + k, WX + k] += noise[1] * duration
-
-
-@njit(cache=True)
-def predict(unknowns: Array, covariance: Array, duration: float, unseen: float, physics: Array, noise: Array) -> tuple[Array, Array]:
-    """Return state (9,) and covariance (9, 9) of the ball later.
-
-    Args:
-        unknowns: (n,) at the start of the window.
-        covariance: (n, n) of them.
-        duration: s after the start of the window, not negative.
-        unseen: s, of this, since the last measurement.
-        physics: (19,) `Physics.coefficients`.
-        noise: (2,) power densities of acceleration and of change of spin.
-    """
-    state, tangents = unknowns[:9].copy(), np.empty((9, PARAMETERS))
-    start_tangents(tangents)
-    fly_through(state, tangents, duration, with_factors(physics_coefficients(physics), unknowns), scratch())
-    out = tangents @ np.ascontiguousarray(covariance[:PARAMETERS, :PARAMETERS]) @ tangents.T
-    out = 0.5 * (out + out.T)
-    add_noise(out, max(0.0, unseen), noise)
-    return state, out
