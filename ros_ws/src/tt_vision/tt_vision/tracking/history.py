@@ -80,6 +80,14 @@ class History:
         self._size += 1
         return True
 
+    def copy(self, first: int) -> History:
+        """Return a copy of the measurements from the index `first` on."""
+        other = History()
+        other._size = self._size - first
+        for target, array in zip(other._all, self._all, strict=True):
+            target[: other._size] = array[first : self._size]
+        return other
+
     def drop(self, count: int) -> None:
         """Forget the oldest `count` measurements."""
         left = self._size - count

@@ -24,6 +24,7 @@ from .params import TrackerParams
 from .prediction import predict
 from .window_fit import Prior, Workspace, fit, invert, shift, workspace
 
+BATCH = 16  # measurements that are fitted at a time
 RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
 MISSED = 6
 SILENCE = 0.5  # s without a measurement, after which another ball is looked for
@@ -95,6 +96,7 @@ class Tracker:
         self._track: _Track | None = None
         self._known = self._changed = False
         self._latest = -math.inf  # s, of the last measurement that is used
+        self._fitted = -math.inf  # s, of the last one that was fitted or refused
 
     def start(self, ball: BallState) -> None:
         """Start anew from a measured ball. Measurements after its time are kept, earlier ones are forgotten.
@@ -118,7 +120,7 @@ class Tracker:
             history.clear()
         self._outside.clear()
         self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES))
-        self._known, self._changed, self._latest = True, True, ball.time
+        self._known, self._changed, self._latest, self._fitted = True, True, ball.time, ball.time
 
     def add_position(self, time: float, position: Array, covariance: Array) -> None:
         """Take a measured position of the ball.
@@ -232,7 +234,7 @@ class Tracker:
         mean[:9], full[:9, :9] = state, covariance
         spreads = np.concatenate([self.params.factor_spreads, np.full(self._unknowns - PARAMETERS, self.params.camera_bias)])
         full[9:, 9:] = np.diag(spreads**2)
-        space = workspace(self._unknowns) if self._track is None else self._track.space
+        space = workspace(self._unknowns)
         space.covariance[:] = full
         self._track = _Track(Prior(time, mean, invert(full)), mean.copy(), space)
 
@@ -248,13 +250,11 @@ class Tracker:
         # either late, or the first sight of another ball, or of a clock that was set: those agree among themselves
         late = time < oldest
         self.counts = replace(self.counts, late=self.counts.late + late)
-        if self._outside.full:
-            self._outside.drop(1)
         self._outside.add(time, camera, value, root)
         beside = self._outside.measurements
-        first = int(np.searchsorted(beside.times, beside.times[-1] - cold_start.SPAN))
-        self._outside.drop(first)
-        if self._from_parabola(self._outside, 0):
+        self._outside.drop(int(np.searchsorted(beside.times, beside.times[-1] - cold_start.SPAN)))
+        self._outside.drop(max(0, len(self._outside) - cold_start.MOST))
+        if self._from_parabola(self._outside, 0, len(self._outside)):
             self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
 
     def _take(self, time: float, camera: int, value: Array, root: Array) -> None:
@@ -275,87 +275,91 @@ class Tracker:
                 self._history.drop(half)
 
     def _update(self) -> None:
-        """Fit the ball to what has been seen."""
+        """Fit the ball to what has been seen, a few measurements at a time in order of their stamps."""
         if not self._changed:
             return
         self._changed = False
-        if not self._known:
-            self._find()
-            return
-        if not self._fit():
-            self._known, self._track = False, None
-            self._find()
-            return
-        self._doubt()
-        if self._track is not None and self._latest - self._track.prior.time > self.params.lag + SLACK:
-            self._shift(self._latest - self.params.lag)
+        while self._known or self._find():
+            times = self._history.measurements.times
+            end = min(len(times), int(np.searchsorted(times, self._fitted, side="right")) + BATCH)
+            if self._fit(end):
+                self._doubt(end)
+                if self._latest - self._track_start() > self.params.lag + SLACK:
+                    self._shift(self._latest - self.params.lag)
+            else:
+                self._known, self._track = False, None
+            times = self._history.measurements.times
+            if self._known and (len(times) == 0 or times[-1] <= self._fitted):
+                return
 
-    def _fit(self) -> bool:
-        """Fit the track; return whether there is one now."""
+    def _track_start(self) -> float:
+        """Return the start of the window in s."""
+        return self._track.prior.time if self._track is not None else -math.inf
+
+    def _fit(self, end: int) -> bool:
+        """Fit the track to the first `end` measurements; return whether there is one now."""
         track = self._track
         if track is None:
             return False
-        seen = self._history.measurements
-        excess = fit(
-            track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess
-        )
+        seen = self._history.part(0, end)
+        excess = fit(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
         if math.isnan(excess):
             return False
         track.excess = excess
         used = seen.times[seen.used]
         self._latest = max(track.prior.time, float(used[-1]) if len(used) else -math.inf)
+        self._fitted = max(track.prior.time, float(seen.times[-1]) if end else -math.inf)
         return True
 
-    def _find(self) -> None:
-        """Look for a ball in the newest measurements."""
-        times = self._history.measurements.times
-        if len(times) == 0:
-            return
-        first = max(len(times) - cold_start.MOST, int(np.searchsorted(times, times[-1] - cold_start.SPAN)))
-        self._from_parabola(self._history, first)
+    def _find(self) -> bool:
+        """Look for a ball from the oldest measurements on, and forget those that cannot be of one; return whether there is a ball."""
+        while True:
+            times = self._history.measurements.times
+            last = min(cold_start.MOST, int(np.searchsorted(times, times[0] + cold_start.SPAN, side="right"))) if len(times) else 0
+            if self._from_parabola(self._history, 0, last):
+                return True
+            if last == len(times):  # more may come
+                return False
+            self._history.drop(max(1, last // 4))
 
-    def _doubt(self) -> None:
-        """Look for another ball if the newest measurements do not fit the track."""
-        seen = self._history.measurements
-        if len(seen.times) < RECENT or np.count_nonzero(~seen.used[-RECENT:]) < MISSED:
+    def _doubt(self, end: int) -> None:
+        """Look for another ball if the newest of the first `end` measurements do not fit the track."""
+        seen = self._history.part(0, end)
+        if end < RECENT or np.count_nonzero(~seen.used[-RECENT:]) < MISSED:
             return
-        first = len(seen.times) - RECENT
-        while first > 0 and not seen.used[first - 1] and len(seen.times) - first < cold_start.MOST:
+        first = end - RECENT
+        while first > 0 and not seen.used[first - 1] and end - first < cold_start.MOST:
             first -= 1
         first = max(first, int(np.searchsorted(seen.times, seen.times[-1] - cold_start.SPAN)))
         kept = seen.used.copy()
-        if self._from_parabola(self._history, first):
+        if self._from_parabola(self._history, first, end):
             self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
-        elif len(kept) == len(self._history):
-            self._history.measurements.used[:] = kept
+        else:
+            seen.used[:] = kept
 
-    def _from_parabola(self, source: History, first: int) -> bool:
-        """Start a track from the measurements of `source` from the index `first` on, if a ball is known from them.
+    def _from_parabola(self, source: History, first: int, last: int) -> bool:
+        """Start a track from the measurements `first` to `last` - 1 of `source`, if they show a ball.
 
-        The measurements before are forgotten. If no ball is found nothing changes, but that `used` of those looked at may.
+        Measurements before are forgotten then, later ones are kept. If no ball is found nothing changes, but `used` of those looked at.
         """
-        seen, parabola = source.part(max(first, len(source) - cold_start.MOST), len(source)), np.empty(6)
+        seen, parabola = source.part(first, last), np.empty(6)
         if not cold_start.find_parabola(seen, self._cameras, parabola):
             return False
-        before = (self._track, self._known, self._latest, self._history)
-        start = len(source) - len(seen.times) + int(np.argmax(seen.used))
-        self._track, self._history = None, History()
-        part = source.part(start, len(source))
-        for time, camera, value, root, used in zip(*part, strict=True):
-            self._history.add(float(time), int(camera), value, root)
-            self._history.measurements.used[:] = part.used[: len(self._history)]
+        before = (self._track, self._known, self._latest, self._fitted, self._history)
+        start = first + int(np.argmax(seen.used))
+        self._track, self._history = None, source.copy(start)
+        self._history.measurements.used[last - start :] = False
         params = self.params
         self._begin(
-            float(part.times[0]),
+            float(self._history.measurements.times[0]),
             np.concatenate([parabola, np.zeros(3)]),
             np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, params.spin_spread], 3) ** 2),
         )
-        if self._fit() and self._is_known():
+        if self._fit(last - start) and self._is_known():
             self._known = True
-            if source is self._outside:
-                self._outside = History()
+            self._outside.clear()
             return True
-        self._track, self._known, self._latest, self._history = before
+        self._track, self._known, self._latest, self._fitted, self._history = before
         return False
 
     def _is_known(self) -> bool:
