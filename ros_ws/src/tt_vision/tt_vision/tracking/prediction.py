@@ -34,6 +34,8 @@ from tt_core.tangents import (
 from .window_fit import add_noise, invert
 
 DOUBT = 4.0  # standard deviations of the time of a bounce, within which it is not certain whether the ball has bounced
+RETRACTIONS = 4  # steps of Newton's method with a constant slope that bring a point to its acceleration
+FARTHEST_POINT = 5.0  # standard deviations of an unknown spin: beyond it a point stays where derivatives put it
 SIDES = math.sqrt(3.0)  # standard deviations, of the outer points of the Gauss-Hermite rule with three points, each of weight 1/6
 
 
@@ -112,30 +114,35 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
     for k in range(4):
         total = np.zeros((PARAMETERS, PARAMETERS))
         for side in (-SIDES, SIDES):
-            point = side * columns[k]
-            drag, lift = math.exp(point[DRAG]), math.exp(point[LIFT])
-            moved = AirCoefficients(
-                air.gravity,
-                air.drag * drag,
-                air.drag_h * drag,
-                air.lift * lift,
-                air.lift_h * lift,
-                air.lift_ratio * lift,
-                air.ratio_offset,
-                air.spin_decay,
-            )
-            a = acceleration_jacobian(
-                v[0] + point[VX],
-                v[1] + point[VX + 1],
-                v[2] + point[VX + 2],
-                w[0] + point[WX],
-                w[1] + point[WX + 1],
-                w[2] + point[WX + 2],
-                moved,
-                jacobian,
-            )
-            bent = np.array([a[0], a[1], a[2]]) - here - slopes @ point
-            point -= gain @ bent
+            straight = side * columns[k]
+            wanted = here + slopes @ straight
+            point = straight.copy()
+            for _ in range(RETRACTIONS):
+                drag, lift = math.exp(point[DRAG]), math.exp(point[LIFT])
+                moved = AirCoefficients(
+                    air.gravity,
+                    air.drag * drag,
+                    air.drag_h * drag,
+                    air.lift * lift,
+                    air.lift_h * lift,
+                    air.lift_ratio * lift,
+                    air.ratio_offset,
+                    air.spin_decay,
+                )
+                a = acceleration_jacobian(
+                    v[0] + point[VX],
+                    v[1] + point[VX + 1],
+                    v[2] + point[VX + 2],
+                    w[0] + point[WX],
+                    w[1] + point[WX + 1],
+                    w[2] + point[WX + 2],
+                    moved,
+                    jacobian,
+                )
+                point -= gain @ (np.array([a[0], a[1], a[2]]) - wanted)
+            far = math.sqrt(point[WX] ** 2 + point[WX + 1] ** 2 + point[WX + 2] ** 2) / (FARTHEST_POINT * broad[0])
+            if not far < 1.0 or not np.isfinite(point).all():
+                point[:] = straight
             total += point * point.reshape(-1, 1) / 6.0
         covariance += total - columns[k] * columns[k].reshape(-1, 1)
 

@@ -19,7 +19,7 @@ from tt_core.tangents import DRAG, FRICTION, GRIP, LIFT, PARAMETERS, RESTITUTION
 from ..camera import Camera
 from . import cold_start
 from .history import POSITION as A_POSITION
-from .history import History
+from .history import History, Measurements
 from .params import TrackerParams
 from .prediction import predict
 from .window_fit import Prior, Workspace, fit, invert, shift, workspace
@@ -27,6 +27,7 @@ from .window_fit import Prior, Workspace, fit, invert, shift, workspace
 BATCH = 16  # measurements that are fitted at a time
 RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
 MISSED = 6
+OTHER_SPINS = (0.0, 0.5, 1.5, -0.5)  # of the fitted spin, from which a bad fit is tried again
 SILENCE = 0.5  # s without a measurement, after which another ball is looked for
 SLACK = 0.05  # s, by which the window may grow beyond its lag before its start moves
 WIDEST_PLACE = 30.0  # m, standard deviation of the place of a ball before anything is measured
@@ -119,7 +120,7 @@ class Tracker:
         if len(history) and history.measurements.times[-1] > ball.time + LONGEST:
             history.clear()
         self._outside.clear()
-        self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES))
+        self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES), np.zeros((3, 3)))
         self._known, self._changed, self._latest, self._fitted = True, True, ball.time, ball.time
 
     def add_position(self, time: float, position: Array, covariance: Array) -> None:
@@ -228,15 +229,16 @@ class Tracker:
             return None
         return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
 
-    def _begin(self, time: float, state: Array, covariance: Array) -> None:
-        """Start a track with state (9,) and covariance (9, 9) at a time (s)."""
+    def _begin(self, time: float, state: Array, covariance: Array, spin_shape: Array) -> None:
+        """Start a track with state (9,) and covariance (9, 9) at a time (s); spin_shape (3, 3): see `Prior`."""
         mean, full = np.zeros(self._unknowns), np.zeros((self._unknowns, self._unknowns))
         mean[:9], full[:9, :9] = state, covariance
         spreads = np.concatenate([self.params.factor_spreads, np.full(self._unknowns - PARAMETERS, self.params.camera_bias)])
         full[9:, 9:] = np.diag(spreads**2)
         space = workspace(self._unknowns)
         space.covariance[:] = full
-        self._track = _Track(Prior(time, mean, invert(full)), mean.copy(), space)
+        prior = Prior(time, mean, invert(full), spin_shape, self.params.spin_spread**2, self.params.spin_weight)
+        self._track = _Track(prior, mean.copy(), space)
 
     def _add(self, time: float, camera: int, value: Array, root: Array) -> None:
         """Take a checked measurement into the window, or beside it."""
@@ -301,15 +303,36 @@ class Tracker:
         track = self._track
         if track is None:
             return False
-        seen = self._history.part(0, end)
-        excess = fit(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
-        if math.isnan(excess):
+        seen, before = self._history.part(0, end), track.excess
+        track.excess = self._fit_from(track, seen)
+        if track.excess > before:
+            self._fit_again(track, seen)
+        if math.isnan(track.excess):
             return False
-        track.excess = excess
         used = seen.times[seen.used]
         self._latest = max(track.prior.time, float(used[-1]) if len(used) else -math.inf)
         self._fitted = max(track.prior.time, float(seen.times[-1]) if end else -math.inf)
         return True
+
+    def _fit_from(self, track: _Track, seen: Measurements) -> float:
+        """Fit a track from its present unknowns to measurements; return the excess, NaN if there is no fit."""
+        return fit(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
+
+    def _fit_again(self, track: _Track, seen: Measurements) -> None:
+        """Look for a better fit from other spins: between slip and grip on the table the least squares have two valleys."""
+        best, spin = track, track.unknowns[SPIN].copy()
+        for share in OTHER_SPINS:
+            trial = _Track(track.prior, track.unknowns.copy(), workspace(self._unknowns))
+            trial.space.covariance[:] = track.space.covariance
+            trial.unknowns[SPIN] = share * spin
+            trial.unknowns[DRAG:PARAMETERS] = track.prior.mean[DRAG:PARAMETERS]
+            seen.used[:] = True
+            trial.excess = self._fit_from(trial, seen)
+            if trial.excess < best.excess or math.isnan(best.excess):
+                best = trial
+        track.unknowns, track.space, track.excess = best.unknowns, best.space, best.excess
+        seen.used[:] = True
+        track.excess = self._fit_from(track, seen)
 
     def _find(self) -> bool:
         """Look for a ball from the oldest measurements on, and forget those that cannot be of one; return whether there is a ball."""
@@ -350,11 +373,11 @@ class Tracker:
         self._track, self._history = None, source.copy(start)
         self._history.measurements.used[last - start :] = False
         params = self.params
-        self._begin(
-            float(self._history.measurements.times[0]),
-            np.concatenate([parabola, np.zeros(3)]),
-            np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, params.spin_spread], 3) ** 2),
-        )
+        direction = parabola[3:] / max(1e-9, float(np.linalg.norm(parabola[3:])))
+        shape = np.eye(3) + (1.0 / params.spin_along**2 - 1.0) * np.outer(direction, direction)
+        covariance = np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, 0.0], 3) ** 2)
+        covariance[SPIN, SPIN] = params.spin_spread**2 * np.linalg.inv(shape)
+        self._begin(float(self._history.measurements.times[0]), np.concatenate([parabola, np.zeros(3)]), covariance, shape)
         if self._fit(last - start) and self._is_known():
             self._known = True
             self._outside.clear()
