@@ -25,14 +25,14 @@ class TrackerParams:
     grip_spread: float = param(0.08, "", "standard deviation of the grip of the table, as a share", low=1e-4, high=1.0)
     speed_spread: float = param(15.0, "m/s", "standard deviation of each velocity component before anything is measured", low=1.0, high=100.0)
     spin_spread: float = param(
-        200.0,
+        250.0,
         "rad/s",
         "standard deviation of each spin component before anything is measured; the median shot of match play has 265 rad/s",
         low=1.0,
         high=2000.0,
     )
     spin_weight: float = param(
-        1.0, "", "number of measured spin components that this standard deviation counts as much as", low=1e-3, high=1e6
+        0.5, "", "number of measured spin components that this standard deviation counts as much as", low=1e-3, high=1e6
     )
     spin_along: float = param(
         0.5, "", "standard deviation of the spin along the flight over that across it; recorded rallies have 0.5 to 0.6", low=0.01, high=10.0

@@ -40,8 +40,36 @@ SIDES = math.sqrt(3.0)  # standard deviations, of the outer points of the Gauss-
 
 
 @njit(cache=True)
+def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoefficients, spin_noise: float, out: Array) -> None:
+    """Fill out (6, 6) with the covariance of velocity and spin after a bounce that derivatives miss.
+
+    Args:
+        before: (9,) just before the bounce.
+        spread: (6, 6) covariance of velocity and spin there.
+        models: Of the table.
+        spin_noise: rad/s, standard deviation of a change of spin that no model knows.
+        out: Filled.
+    """
+    out[:] = 0.0
+    for k in range(3):
+        out[3 + k, 3 + k] = spin_noise * spin_noise
+    scale = np.sqrt(np.maximum(np.diag(spread), 1e-30))
+    values, axes = np.linalg.eigh(spread / scale / scale.reshape(-1, 1))
+    middle = before[VX:].copy()
+    rebound_table(middle[:3], middle[3:], models.table)
+    low, high = np.empty(6), np.empty(6)
+    for k in range(6):
+        point = SIDES * math.sqrt(max(0.0, values[k])) * axes[:, k] * scale
+        low[:], high[:] = before[VX:] - point, before[VX:] + point
+        rebound_table(low[:3], low[3:], models.table)
+        rebound_table(high[:3], high[3:], models.table)
+        bent = low + high - 2.0 * middle  # twice what is not linear, on both sides
+        out += bent * bent.reshape(-1, 1) / 12.0
+
+
+@njit(cache=True)
 def _unbounced_or_bounced(
-    state: Array, before: Array, since: float, sigma: float, spread: Array, models: PhysicsCoefficients, space: Scratch
+    state: Array, before: Array, since: float, sigma: float, spread: Array, models: PhysicsCoefficients, space: Scratch, other_spread: Array
 ) -> float:
     """Find the other branch of a ball close to a bounce.
 
@@ -53,6 +81,7 @@ def _unbounced_or_bounced(
         spread: (9, 9) covariance of `state`.
         models: Of air and table.
         space: Its `end` is filled with the other branch.
+        other_spread: (9, 9) covariance of `before`; becomes that of the other branch.
 
     Returns:
         The probability of the other branch.
@@ -68,7 +97,12 @@ def _unbounced_or_bounced(
         step(state, ahead, models.air, space.trial, space.work)
         space.trial[Z] = contact
         start_tangents(space.tangents)
+        _missed_by_derivatives(space.trial, np.ascontiguousarray(spread[VX:, VX:]), models, 0.0, other_spread[VX:, VX:])
+        missed = other_spread[VX:, VX:].copy()
         bounce_now(space.trial, space.tangents, models, space)
+        jump = np.ascontiguousarray(space.tangents[:, :9])
+        other_spread[:] = jump @ spread @ jump.T
+        other_spread[VX:, VX:] += missed
         step(space.trial, -ahead, models.air, other, space.work)
         return 0.5 * math.erfc(height / (deviation * math.sqrt(2.0)))
     return 0.0
@@ -112,67 +146,40 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
     if rest[LIFT, LIFT] > 0.0:
         columns[3] = rest[:, LIFT] / math.sqrt(rest[LIFT, LIFT])
     for k in range(4):
-        total = np.zeros((PARAMETERS, PARAMETERS))
-        for side in (-SIDES, SIDES):
-            straight = side * columns[k]
-            wanted = here + slopes @ straight
-            point = straight.copy()
-            for _ in range(RETRACTIONS):
-                drag, lift = math.exp(point[DRAG]), math.exp(point[LIFT])
-                moved = AirCoefficients(
-                    air.gravity,
-                    air.drag * drag,
-                    air.drag_h * drag,
-                    air.lift * lift,
-                    air.lift_h * lift,
-                    air.lift_ratio * lift,
-                    air.ratio_offset,
-                    air.spin_decay,
-                )
-                a = acceleration_jacobian(
-                    v[0] + point[VX],
-                    v[1] + point[VX + 1],
-                    v[2] + point[VX + 2],
-                    w[0] + point[WX],
-                    w[1] + point[WX + 1],
-                    w[2] + point[WX + 2],
-                    moved,
-                    jacobian,
-                )
-                point -= gain @ (np.array([a[0], a[1], a[2]]) - wanted)
-            far = math.sqrt(point[WX] ** 2 + point[WX + 1] ** 2 + point[WX + 2] ** 2) / (FARTHEST_POINT * broad[0])
-            if not far < 1.0 or not np.isfinite(point).all():
-                point[:] = straight
-            total += point * point.reshape(-1, 1) / 6.0
-        covariance += total - columns[k] * columns[k].reshape(-1, 1)
-
-
-@njit(cache=True)
-def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoefficients, spin_noise: float, out: Array) -> None:
-    """Fill out (6, 6) with the covariance of velocity and spin after a bounce that derivatives miss.
-
-    Args:
-        before: (9,) just before the bounce.
-        spread: (6, 6) covariance of velocity and spin there.
-        models: Of the table.
-        spin_noise: rad/s, standard deviation of a change of spin that no model knows.
-        out: Filled.
-    """
-    out[:] = 0.0
-    for k in range(3):
-        out[3 + k, 3 + k] = spin_noise * spin_noise
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-30))
-    values, axes = np.linalg.eigh(spread / scale / scale.reshape(-1, 1))
-    middle = before[VX:].copy()
-    rebound_table(middle[:3], middle[3:], models.table)
-    low, high = np.empty(6), np.empty(6)
-    for k in range(6):
-        point = SIDES * math.sqrt(max(0.0, values[k])) * axes[:, k] * scale
-        low[:], high[:] = before[VX:] - point, before[VX:] + point
-        rebound_table(low[:3], low[3:], models.table)
-        rebound_table(high[:3], high[3:], models.table)
-        bent = low + high - 2.0 * middle  # twice what is not linear, on both sides
-        out += bent * bent.reshape(-1, 1) / 12.0
+        covariance -= columns[k] * columns[k].reshape(-1, 1)
+    for corner in range(16):
+        straight = np.zeros(PARAMETERS)
+        for k in range(4):
+            straight += columns[k] if corner >> k & 1 else -columns[k]
+        wanted = here + slopes @ straight
+        point = straight.copy()
+        for _ in range(RETRACTIONS):
+            drag, lift = math.exp(point[DRAG]), math.exp(point[LIFT])
+            moved = AirCoefficients(
+                air.gravity,
+                air.drag * drag,
+                air.drag_h * drag,
+                air.lift * lift,
+                air.lift_h * lift,
+                air.lift_ratio * lift,
+                air.ratio_offset,
+                air.spin_decay,
+            )
+            a = acceleration_jacobian(
+                v[0] + point[VX],
+                v[1] + point[VX + 1],
+                v[2] + point[VX + 2],
+                w[0] + point[WX],
+                w[1] + point[WX + 1],
+                w[2] + point[WX + 2],
+                moved,
+                jacobian,
+            )
+            point -= gain @ (np.array([a[0], a[1], a[2]]) - wanted)
+        far = math.sqrt(point[WX] ** 2 + point[WX + 1] ** 2 + point[WX + 2] ** 2) / (FARTHEST_POINT * broad[0])
+        if not far < 1.0 or not np.isfinite(point).all():
+            point[:] = straight
+        covariance += point * point.reshape(-1, 1) / 16.0
 
 
 @njit(cache=True)
@@ -194,7 +201,7 @@ def predict(
     state, tangents, before = unknowns[:9].copy(), np.empty((9, PARAMETERS)), np.empty(9)
     start_tangents(tangents)
     known = np.ascontiguousarray(covariance[:PARAMETERS, :PARAMETERS])
-    missed = np.zeros((6, 6))
+    missed, before_spread = np.zeros((6, 6)), np.empty((9, 9))
     left, since, sigma = duration, np.inf, 0.0
     while left > 1e-12:
         h, contact = advance(state, tangents, left, models, space)
@@ -204,7 +211,8 @@ def predict(
             before[:] = state
             row = tangents[Z].copy() / state[VZ]
             sigma, since = math.sqrt(max(0.0, row @ known @ row)), 0.0
-            _missed_by_derivatives(before, tangents[VX:] @ known @ tangents[VX:].T, models, noise[2], missed)
+            before_spread[:] = tangents @ known @ tangents.T
+            _missed_by_derivatives(before, np.ascontiguousarray(before_spread[VX:, VX:]), models, noise[2], missed)
             bounce_now(state, tangents, models, space)
     flow = np.eye(PARAMETERS)
     flow[:9] = tangents
@@ -218,13 +226,16 @@ def predict(
         out[:3, 3:] += since * missed[:3]
         out[3:, :3] += since * missed[:, :3]
         out[:3, :3] += since * since * missed[:3, :3]
-    share = _unbounced_or_bounced(state, before, since, sigma, out, models, space)
+    share = _unbounced_or_bounced(state, before, since, sigma, out, models, space, before_spread)
     if share > 0.0:
         if share > 0.5:
             swapped = state.copy()
             state[:] = space.end
             space.end[:] = swapped
+            swapped_spread = out.copy()
+            out[:] = before_spread
+            before_spread[:] = swapped_spread
             share = 1.0 - share
         apart = space.end - state
-        out += share * apart * apart.reshape(-1, 1)
+        out += share * (before_spread - out + apart * apart.reshape(-1, 1))
     return state, 0.5 * (out + out.T)

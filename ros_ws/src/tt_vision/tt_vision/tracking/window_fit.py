@@ -281,22 +281,15 @@ def _excess(seen: Measurements, space: Workspace) -> float:
 
 @njit(cache=True)
 def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, excess: float, space: Workspace) -> None:
-    """Find the variance of the spin by expectation and maximisation, in place, and the unknowns with it.
-
-    The covariance stays that for the variance before anything was seen, because a spin that cannot be seen yet may still be large.
-    """
+    """Find the variance of the spin by expectation and maximisation, and put it into the prior's information."""
     spin = slice(WX, WX + 3)
     for _ in range(VARIANCE_STEPS):
-        w, spread = unknowns[spin], np.ascontiguousarray(space.covariance[spin, spin])
+        _accumulate(unknowns, prior, seen, excess, space)
+        w = unknowns[spin] + np.linalg.solve(space.normal, space.right)[spin]
+        spread = np.ascontiguousarray(invert(space.normal)[spin, spin])
         total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spread)
         variance = (total + prior.spin_weight * prior.spin_variance) / (3.0 + prior.spin_weight)
         prior.information[spin, spin] = prior.spin_shape / variance
-        _accumulate(unknowns, prior, seen, excess, space)
-        delta = np.linalg.solve(space.normal, space.right)
-        _move(unknowns, delta, len(seen.times), space)
-        space.covariance[:] = invert(space.normal)
-    space.normal[spin, spin] += prior.spin_shape / prior.spin_variance - prior.information[spin, spin]
-    space.covariance[:] = invert(space.normal)
 
 
 @njit(cache=True)
@@ -372,15 +365,20 @@ def fit(
     if not _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
         return math.nan
     _admit(seen, gates, excess, space.covariance, space)
+    learns = prior.spin_shape[0, 0] > 0.0
     for k in range(ROUNDS):
+        if learns:
+            _learn_spin_variance(unknowns, prior, seen, excess, space)
         if not _converge(unknowns, prior, seen, cameras, physics, excess, space, air):
             return math.nan
         found = _excess(seen, space)
         different = found > 1.25 * excess or found < 0.8 * excess
         excess = found if different else excess
+        if learns:  # a spin that cannot be seen yet may still be large: the covariance is that for the first variance
+            space.normal[WX : WX + 3, WX : WX + 3] += (
+                prior.spin_shape / prior.spin_variance - prior.information[WX : WX + 3, WX : WX + 3]
+            )
         space.covariance[:] = invert(space.normal)
-        if prior.spin_shape[0, 0] > 0.0:
-            _learn_spin_variance(unknowns, prior, seen, excess, space)
         changed = _expel(seen, gates, excess, space)
         if k < ROUNDS - 1 and not changed:
             changed = _admit(seen, gates, excess, space.covariance, space)
