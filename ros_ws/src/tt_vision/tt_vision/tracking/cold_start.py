@@ -17,6 +17,7 @@ from .history import POSITION, Measurements
 
 MOST = 12  # measurements that are looked at: 220 triples
 SPAN = 0.15  # s, from the first to the last of these
+FAST_SPAN = 0.05  # s: MOST measurements are spread over this time, if more arrive within it
 EQUATIONS = 12  # least number of coordinates that must agree; six determine a parabola
 SHARE = 0.6  # of the coordinates that must agree
 UNKNOWN_ACCELERATION = 12.0  # m/s^2, of drag and lift, which the parabola does not know
@@ -24,6 +25,32 @@ SIGMAS = 4.0  # standard deviations at which a measurement agrees
 WIDENINGS = 4  # doublings of the standard deviations, if they were told too small
 RIDGE = 1e-9  # of the normal equations
 WIDEST = 100.0  # m, of a place, and m/s of a velocity, that makes sense
+
+
+def count_within(times: Array) -> int:
+    """Return how many of the measurements at `times` (n,), from the first on, are looked at together."""
+    if len(times) == 0:
+        return 0
+    within, fast = np.searchsorted(times, [times[0] + SPAN, times[0] + FAST_SPAN], side="right")
+    return int(min(within, max(MOST, fast)))
+
+
+def find(seen: Measurements, cameras: Array) -> Array | None:
+    """Find place and velocity of a ball.
+
+    Args:
+        seen: Measurements; `used` is set for those that agree, of at most MOST that are looked at.
+        cameras: (c, 20) `Camera.vector`.
+
+    Returns:
+        (6,) place (m) and velocity (m/s) at the first measurement that agrees, or None if too few agree.
+    """
+    chosen = np.unique(np.linspace(0, len(seen.times) - 1, min(MOST, len(seen.times))).astype(np.int64))
+    few, parabola = Measurements(*(array[chosen] for array in seen)), np.empty(6)
+    found = len(chosen) > 0 and find_parabola(few, cameras, parabola)
+    seen.used[:] = False
+    seen.used[chosen] = few.used & found
+    return parabola if found else None
 
 
 @njit(cache=True)

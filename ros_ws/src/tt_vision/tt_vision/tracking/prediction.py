@@ -36,6 +36,7 @@ from .window_fit import add_noise, invert
 DOUBT = 4.0  # standard deviations of the time of a bounce, within which it is not certain whether the ball has bounced
 RETRACTIONS = 4  # steps of Newton's method with a constant slope that bring a point to its acceleration
 FARTHEST_POINT = 5.0  # standard deviations of an unknown spin: beyond it a point stays where derivatives put it
+CORNER = 2.0  # standard deviations of each of four coordinates at the corners of a cube; the rest of the weight is in its middle
 SIDES = math.sqrt(3.0)  # standard deviations, of the outer points of the Gauss-Hermite rule with three points, each of weight 1/6
 
 
@@ -150,7 +151,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
     for corner in range(16):
         straight = np.zeros(PARAMETERS)
         for k in range(4):
-            straight += columns[k] if corner >> k & 1 else -columns[k]
+            straight += CORNER * columns[k] if corner >> k & 1 else -CORNER * columns[k]
         wanted = here + slopes @ straight
         point = straight.copy()
         for _ in range(RETRACTIONS):
@@ -179,7 +180,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
         far = math.sqrt(point[WX] ** 2 + point[WX + 1] ** 2 + point[WX + 2] ** 2) / (FARTHEST_POINT * broad[0])
         if not far < 1.0 or not np.isfinite(point).all():
             point[:] = straight
-        covariance += point * point.reshape(-1, 1) / 16.0
+        covariance += point * point.reshape(-1, 1) / (16.0 * CORNER**2)
 
 
 @njit(cache=True)

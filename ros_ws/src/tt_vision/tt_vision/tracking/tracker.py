@@ -70,6 +70,11 @@ class _Track:
     space: Workspace
     excess: float = 1.0
 
+    @property
+    def is_unannounced(self) -> bool:
+        """Whether the prior is that of a ball that nothing announced."""
+        return bool(self.prior.spin_shape[0, 0] > 0.0)
+
 
 class Tracker:
     """Follow one ball.
@@ -244,7 +249,11 @@ class Tracker:
         """Take a checked measurement into the window, or beside it."""
         times = self._history.measurements.times
         newest = max(times[-1] if len(times) else -math.inf, self._latest)
-        oldest = self._track.prior.time if self._track is not None else newest - self.params.lag
+        track, oldest = self._track, newest - self.params.lag
+        if track is not None and (oldest > track.prior.time or not track.is_unannounced):
+            oldest = track.prior.time
+        if track is not None and oldest <= time < track.prior.time:  # the ball was seen earlier than where its track starts: find it anew
+            self._track, self._known, self._latest, self._fitted = None, False, -math.inf, -math.inf
         if oldest <= time <= newest + SILENCE or not math.isfinite(newest):
             self._outside.clear()
             self._take(time, camera, value, root)
@@ -255,7 +264,7 @@ class Tracker:
         self._outside.add(time, camera, value, root)
         beside = self._outside.measurements
         self._outside.drop(int(np.searchsorted(beside.times, beside.times[-1] - cold_start.SPAN)))
-        self._outside.drop(max(0, len(self._outside) - cold_start.MOST))
+        self._outside.drop(len(self._outside) // 2 if self._outside.full else 0)
         if self._from_parabola(self._outside, 0, len(self._outside)):
             self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
 
@@ -338,7 +347,7 @@ class Tracker:
         """Look for a ball from the oldest measurements on, and forget those that cannot be of one; return whether there is a ball."""
         while True:
             times = self._history.measurements.times
-            last = min(cold_start.MOST, int(np.searchsorted(times, times[0] + cold_start.SPAN, side="right"))) if len(times) else 0
+            last = cold_start.count_within(times)
             if self._from_parabola(self._history, 0, last):
                 return True
             if last == len(times):  # more may come
@@ -351,9 +360,8 @@ class Tracker:
         if end < RECENT or np.count_nonzero(~seen.used[-RECENT:]) < MISSED:
             return
         first = end - RECENT
-        while first > 0 and not seen.used[first - 1] and end - first < cold_start.MOST:
+        while first > 0 and not seen.used[first - 1] and cold_start.count_within(seen.times[first - 1 :]) > end - first:
             first -= 1
-        first = max(first, int(np.searchsorted(seen.times, seen.times[-1] - cold_start.SPAN)))
         kept = seen.used.copy()
         if self._from_parabola(self._history, first, end):
             self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
@@ -365,9 +373,10 @@ class Tracker:
 
         Measurements before are forgotten then, later ones are kept. If no ball is found nothing changes, but `used` of those looked at.
         """
-        seen, parabola = source.part(first, last), np.empty(6)
-        if not cold_start.find_parabola(seen, self._cameras, parabola):
+        parabola = cold_start.find(source.part(first, last), self._cameras)
+        if parabola is None:
             return False
+        seen = source.part(first, last)
         before = (self._track, self._known, self._latest, self._fitted, self._history)
         start = first + int(np.argmax(seen.used))
         self._track, self._history = None, source.copy(start)

@@ -29,7 +29,7 @@ BEHIND = 1e6  # whitened residual of a ball behind a camera
 FARTHEST_STEP = 30.0  # standard deviations of the prior, of one step
 MEDIANS = np.array([1.0, 0.4549, 1.3863, 2.3660])  # of chi-square with 1, 2 and 3 degrees of freedom
 LEAST_EXCESS = 2.0  # ratio of residuals to their standard deviations, squared, above which the standard deviations are not believed
-MOST_EXCESS = 1e4  # of that ratio
+MOST_EXCESS = 100.0  # of that ratio; above it the flight is another one
 ROUNDS = 4  # of fitting and gating
 VARIANCE_STEPS = 3  # of expectation and maximisation in each
 
@@ -276,7 +276,7 @@ def _excess(seen: Measurements, space: Workspace) -> float:
         r = space.residuals[i]
         ratios[i] = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / MEDIANS[3 if seen.cameras[i] == POSITION else 2]
     found = float(np.median(ratios))
-    return min(found, MOST_EXCESS) if found > LEAST_EXCESS else 1.0
+    return found if LEAST_EXCESS < found < MOST_EXCESS else 1.0
 
 
 @njit(cache=True)
