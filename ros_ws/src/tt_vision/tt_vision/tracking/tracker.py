@@ -234,7 +234,7 @@ class Tracker:
             return None
         return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
 
-    def _begin(self, time: float, state: Array, covariance: Array, spin_shape: Array) -> None:
+    def _begin(self, time: float, state: Array, covariance: Array, spin_shape: Array) -> _Track:
         """Start a track with state (9,) and covariance (9, 9) at a time (s); spin_shape (3, 3): see `Prior`."""
         mean, full = np.zeros(self._unknowns), np.zeros((self._unknowns, self._unknowns))
         mean[:9], full[:9, :9] = state, covariance
@@ -244,6 +244,7 @@ class Tracker:
         space.covariance[:] = full
         prior = Prior(time, mean, invert(full), spin_shape, self.params.spin_spread**2, self.params.spin_weight)
         self._track = _Track(prior, mean.copy(), space)
+        return self._track
 
     def _add(self, time: float, camera: int, value: Array, root: Array) -> None:
         """Take a checked measurement into the window, or beside it."""
@@ -386,7 +387,8 @@ class Tracker:
         shape = np.eye(3) + (1.0 / params.spin_along**2 - 1.0) * np.outer(direction, direction)
         covariance = np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, 0.0], 3) ** 2)
         covariance[SPIN, SPIN] = params.spin_spread**2 * np.linalg.inv(shape)
-        self._begin(float(self._history.measurements.times[0]), np.concatenate([parabola, np.zeros(3)]), covariance, shape)
+        track = self._begin(float(self._history.measurements.times[0]), np.concatenate([parabola, np.zeros(3)]), covariance, shape)
+        track.space.covariance[:] = 0.0  # at first nothing but what agrees with the parabola
         if self._fit(last - start) and self._is_known():
             self._known = True
             self._outside.clear()
