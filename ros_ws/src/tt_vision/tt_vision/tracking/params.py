@@ -18,7 +18,7 @@ class TrackerParams:
     lag: float = param(
         0.4, "s", "age of the oldest measurements that are fitted anew; later ones are still taken in order of their stamps", low=0.02, high=2.0
     )
-    drag_spread: float = param(0.08, "", "standard deviation of the drag of one ball about that of `physics`, as a share", low=1e-3, high=1.0)
+    drag_spread: float = param(0.06, "", "standard deviation of the drag of one ball about that of `physics`, as a share", low=1e-3, high=1.0)
     lift_spread: float = param(0.10, "", "standard deviation of the lift of one ball about that of `physics`, as a share", low=1e-3, high=1.0)
     restitution_spread: float = param(0.02, "", "standard deviation of the restitution of the table, as a share", low=1e-4, high=0.5)
     friction_spread: float = param(0.06, "", "standard deviation of the friction of the table, as a share", low=1e-4, high=1.0)
@@ -32,7 +32,7 @@ class TrackerParams:
         high=2000.0,
     )
     spin_weight: float = param(
-        0.5, "", "number of measured spin components that this standard deviation counts as much as", low=1e-3, high=1e6
+        0.2, "", "number of measured spin components that this standard deviation counts as much as", low=1e-3, high=1e6
     )
     spin_along: float = param(
         0.5, "", "standard deviation of the spin along the flight over that across it; recorded rallies have 0.5 to 0.6", low=0.01, high=10.0
