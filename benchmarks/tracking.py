@@ -69,7 +69,7 @@ def recorded(folder):
 
 
 def simulated(seed, announced, fault):
-    """Return rows of one ball: s after the bounce, NEES per dimension, s of a state, error of position, velocity and spin (9,), sigmas (9,)."""
+    """Return rows of one ball: s after the bounce, NEES per dimension, s that a state took, error (9,) of the state, sigmas (9,)."""
     rng, world = np.random.default_rng(seed), load_world("real")
     ball, _ = launch("mixed", int(rng.integers(3, 6)), LauncherParams(), rng)
     path = rollout(ball, world.domain_randomization.draw(world.physics, rng), StopRule.at_x(-0.4))
@@ -96,7 +96,9 @@ def simulated(seed, announced, fault):
             took = time.perf_counter() - began
             if state is not None:
                 e = state.vector - path.at(state.time).vector
-                rows.append((state.time - bounce, e @ np.linalg.solve(state.covariance, e) / 9.0, took, *e, *np.sqrt(np.diag(state.covariance))))
+                rows.append(
+                    (state.time - bounce, e @ np.linalg.solve(state.covariance, e) / 9.0, took, *e, *np.sqrt(np.diag(state.covariance)))
+                )
     return rows
 
 
@@ -130,7 +132,10 @@ def main():
         for when, part in (("before", rows[(rows[:, 0] > -0.05) & (rows[:, 0] < 0.0)]), ("after", late)):
             for k, axis in enumerate("xyz"):
                 off = np.abs(part[:, 9 + k])
-                metrics[f"{prefix}spin_{axis}_{when}_median"], metrics[f"{prefix}spin_{axis}_{when}_p95"] = np.median(off), np.quantile(off, 0.95)
+                metrics[f"{prefix}spin_{axis}_{when}_median"], metrics[f"{prefix}spin_{axis}_{when}_p95"] = (
+                    np.median(off),
+                    np.quantile(off, 0.95),
+                )
                 metrics[f"{prefix}spin_{axis}_{when}_within_2_sigma"] = np.mean(off < 2.0 * part[:, 18 + k])
     report("tracking", args.runs, metrics, args.json)
 

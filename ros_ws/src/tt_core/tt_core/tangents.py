@@ -20,7 +20,7 @@ from numba import njit
 from .arrays import SPIN, VELOCITY, VX, VY, VZ, WX, WY, WZ, Array, X, Y, Z
 from .bounce import TableCoefficients, rebound_table
 from .constants import BALL_RADIUS
-from .flight import _A, _B, _C, MAX_STEP, AirCoefficients, accelerate, ease, step
+from .flight import MAX_STEP, RK_A, RK_B, RK_C, AirCoefficients, accelerate, ease, step
 from .physics import PhysicsCoefficients
 from .table_contacts import meets_surface, over_table
 
@@ -47,7 +47,13 @@ class Scratch(NamedTuple):
 def scratch() -> Scratch:
     """Return new arrays."""
     return Scratch(
-        np.empty((8, 3)), np.empty(9), np.empty(9), np.empty((6, 3, PARAMETERS)), np.empty((3, PARAMETERS)), np.empty((3, 8)), np.empty((9, PARAMETERS))
+        np.empty((8, 3)),
+        np.empty(9),
+        np.empty(9),
+        np.empty((6, 3, PARAMETERS)),
+        np.empty((3, PARAMETERS)),
+        np.empty((3, 8)),
+        np.empty((9, PARAMETERS)),
     )
 
 
@@ -151,7 +157,7 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
         s0, s1, s2 = v0, v1, v2
         stage[:] = velocity
         for j in range(i):
-            a = h * _A[i, j]
+            a = h * RK_A[i, j]
             s0 += a * work[j, 0]
             s1 += a * work[j, 1]
             s2 += a * work[j, 2]
@@ -159,10 +165,10 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
                 for c in range(PARAMETERS):
                     stage[r, c] += a * stages[j, r, c]
         if air.spin_decay != 0.0:
-            fade = math.exp(-air.spin_decay * _C[i] * h)
+            fade = math.exp(-air.spin_decay * RK_C[i] * h)
         a0, a1, a2 = acceleration_jacobian(s0, s1, s2, fade * w0, fade * w1, fade * w2, air, jacobian)
         work[i, 0], work[i, 1], work[i, 2] = a0, a1, a2
-        b = h * _B[i]
+        b = h * RK_B[i]
         for r in range(3):
             jv0, jv1, jv2 = jacobian[r, 0], jacobian[r, 1], jacobian[r, 2]
             jw0, jw1, jw2 = fade * jacobian[r, 3], fade * jacobian[r, 4], fade * jacobian[r, 5]
@@ -180,7 +186,7 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
         dv1 += b * a1
         dv2 += b * a2
     for i in range(6):
-        b = h * _B[i]
+        b = h * RK_B[i]
         for r in range(3):
             for c in range(PARAMETERS):
                 velocity[r, c] += b * stages[i, r, c]

@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 from tt_core.arrays import Array
 from tt_core.constants import GRAVITY
-from tt_vision.projection import project_from_table, ray, unpack_camera
 
-from .history import POSITION, Measurements
+from ..projection import project_from_table, ray, unpack_camera
+from .history import POSITION, Measurements, select
 
 MOST = 12  # measurements that are looked at: 220 triples
 SPAN = 0.15  # s, from the first to the last of these
@@ -46,7 +46,7 @@ def find(seen: Measurements, cameras: Array) -> Array | None:
         (6,) place (m) and velocity (m/s) at the first measurement that agrees, or None if too few agree.
     """
     chosen = np.unique(np.linspace(0, len(seen.times) - 1, min(MOST, len(seen.times))).astype(np.int64))
-    few, parabola = Measurements(*(array[chosen] for array in seen)), np.empty(6)
+    few, parabola = select(seen, chosen), np.empty(6)
     found = len(chosen) > 0 and find_parabola(few, cameras, parabola)
     seen.used[:] = False
     seen.used[chosen] = few.used & found
@@ -125,10 +125,7 @@ def _solve(chosen: Array, middle: float, seen: Measurements, cameras: Array, par
     for k in range(6):
         normal[k, k] += RIDGE
     parabola[:] = np.linalg.solve(normal, right / scale) / scale
-    for k in range(6):
-        if not abs(parabola[k]) < WIDEST:
-            return False
-    return True
+    return bool(np.abs(parabola).max() < WIDEST)
 
 
 @njit(cache=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,12 @@ class Measurements(NamedTuple):
     used: npt.NDArray[np.bool_]
 
 
+def select(measurements: Measurements, which: Any) -> Measurements:
+    """Return some of the measurements; which: any index of an array."""
+    m = measurements
+    return Measurements(m.times[which], m.cameras[which], m.values[which], m.roots[which], m.used[which])
+
+
 class History:
     """Measurements in order of their stamps; equal stamps in an order that does not depend on that of their arrival."""
 
@@ -43,6 +49,11 @@ class History:
             np.empty((CAPACITY, 3, 3)),
             np.empty(CAPACITY, np.bool_),
         )
+
+    @property
+    def _arrays(self) -> tuple[npt.NDArray[Any], ...]:
+        """All arrays, of equal length."""
+        return tuple(self._all)
 
     def __len__(self) -> int:
         """Return how many measurements there are."""
@@ -60,7 +71,7 @@ class History:
 
     def part(self, first: int, last: int) -> Measurements:
         """Return measurements `first` to `last` - 1 as views."""
-        return Measurements(*(array[first:last] for array in self._all))
+        return select(self._all, slice(first, last))
 
     def add(self, time: float, camera: int, value: Array, root: Array) -> bool:
         """Insert a measurement, unused; return False if the same one is there already."""
@@ -73,9 +84,9 @@ class History:
             if (other, *place.tolist()) < (camera, *value.tolist()):
                 break
             at -= 1
-        for array in self._all:
+        for array in self._arrays:
             array[at + 1 : n + 1] = array[at:n]
-        for array, item in zip(self._all, (time, camera, value, root, False), strict=True):
+        for array, item in zip(self._arrays, (time, camera, value, root, False), strict=True):
             array[at] = item
         self._size += 1
         return True
@@ -84,14 +95,14 @@ class History:
         """Return a copy of the measurements from the index `first` on."""
         other = History()
         other._size = self._size - first
-        for target, array in zip(other._all, self._all, strict=True):
+        for target, array in zip(other._arrays, self._arrays, strict=True):
             target[: other._size] = array[first : self._size]
         return other
 
     def drop(self, count: int) -> None:
         """Forget the oldest `count` measurements."""
         left = self._size - count
-        for array in self._all:
+        for array in self._arrays:
             array[:left] = array[count : self._size]
         self._size = left
 

@@ -1,9 +1,10 @@
 """The ball at a time, with an honest covariance, from the unknowns of a fitted window.
 
 Derivatives alone would give a covariance that is too small in three places. Close to a bounce it is not certain whether the ball has
-bounced yet, and its velocity is that of one of two branches. Behind a bounce, velocity and spin are bound to each other by the rebound, which
-is not linear: what the derivatives miss of it is added. And while the spin is not well known, it is bound to the acceleration that was seen,
-which is not linear in it either, so that errors lie on a curved surface; points on that surface replace those on its tangent plane.
+bounced yet, and its velocity is that of one of two branches. Behind a bounce, velocity and spin are bound to each other by the rebound,
+which is not linear: what the derivatives miss of it is added. And while the spin is not well known, it is bound to the acceleration that
+was seen, which is not linear in it either, so that errors lie on a curved surface; points on that surface replace those on its tangent
+plane.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from tt_core.arrays import POSITION, SPIN, VELOCITY
 from tt_core.constants import BALL_RADIUS, FLOOR_Z
-from tt_core.errors import BadChoice, OutOfRange, TtError, check_array, check_range
+from tt_core.errors import BadChoice, TtError, check_array, check_range
 from tt_core.events import FARTHEST, FASTEST, LONGEST
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
@@ -115,7 +115,11 @@ class Tracker:
             OutOfRange: Time, place, velocity or spin is not that of a ball.
         """
         check_range("time", ball.time, -LATEST, LATEST)
-        for name, values, most in (("position", ball.position, FARTHEST), ("velocity", ball.velocity, FASTEST), ("spin", ball.spin, MOST_SPIN)):
+        for name, values, most in (
+            ("position", ball.position, FARTHEST),
+            ("velocity", ball.velocity, FASTEST),
+            ("spin", ball.spin, MOST_SPIN),
+        ):
             check_range(name, float(np.abs(values).max()), 0.0, most)
         covariance = np.diag(UNKNOWN_BALL) if ball.covariance is None else _covariance("covariance", ball.covariance, (9, 9), -1e-9)
         history = self._history
@@ -179,8 +183,8 @@ class Tracker:
             time: s; None for the time of the last measurement that is used. Bounces on the table are on the way; net and racket are not.
 
         Returns:
-            The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST after the last one, and
-            below the floor.
+            The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST after the last
+            one, and below the floor.
 
         Raises:
             NotFinite: The time is NaN or infinite.
@@ -207,7 +211,12 @@ class Tracker:
         return replace(
             self._models,
             air=replace(
-                air, drag=air.drag * drag, drag_h=air.drag_h * drag, lift=air.lift * lift, lift_h=air.lift_h * lift, lift_ratio=air.lift_ratio * lift
+                air,
+                drag=air.drag * drag,
+                drag_h=air.drag_h * drag,
+                lift=air.lift * lift,
+                lift_h=air.lift_h * lift,
+                lift_ratio=air.lift_ratio * lift,
             ),
             table=replace(
                 table,
@@ -389,17 +398,16 @@ class Tracker:
         covariance[SPIN, SPIN] = params.spin_spread**2 * np.linalg.inv(shape)
         track = self._begin(float(self._history.measurements.times[0]), np.concatenate([parabola, np.zeros(3)]), covariance, shape)
         track.space.covariance[:] = 0.0  # at first nothing but what agrees with the parabola
-        if self._fit(last - start) and self._is_known():
+        if self._fit(last - start) and self._is_known(track):
             self._known = True
             self._outside.clear()
             return True
         self._track, self._known, self._latest, self._fitted, self._history = before
         return False
 
-    def _is_known(self) -> bool:
+    def _is_known(self, track: _Track) -> bool:
         """Tell whether place and velocity at the last measurement are known well enough."""
-        assert self._track is not None
-        ball = self._predict(self._track, self._latest)
+        ball = self._predict(track, self._latest)
         if ball is None or ball.covariance is None:
             return False
         place, speed = (math.sqrt(float(np.trace(ball.covariance[part, part]))) for part in (POSITION, VELOCITY))

@@ -18,8 +18,8 @@ from numba import njit
 from tt_core.arrays import VX, WX, Array, X
 from tt_core.physics import physics_coefficients
 from tt_core.tangents import PARAMETERS, Scratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
-from tt_vision.projection import CameraModel, rotate, unpack_camera
 
+from ..projection import CameraModel, rotate, unpack_camera
 from .history import CAPACITY, POSITION, Measurements
 
 MOST_PASSES = 12  # of one fit
@@ -37,8 +37,8 @@ VARIANCE_STEPS = 3  # of expectation and maximisation in each
 class Prior(NamedTuple):
     """What was known before the window: a normal distribution of the unknowns.
 
-    Of a ball that nothing announced not even the order of its spin is known: opponents play 15 to 900 rad/s. The variance of the spin then is
-    one of the unknowns, with an inverse gamma distribution, so a ball without spin is soon known to have none, and one with much is not
+    Of a ball that nothing announced not even the order of its spin is known: opponents play 15 to 900 rad/s. The variance of the spin then
+    is one of the unknowns, with an inverse gamma distribution, so a ball without spin is soon known to have none, and one with much is not
     drawn to zero.
 
     Attributes:
@@ -285,11 +285,19 @@ def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, exce
     spin = slice(WX, WX + 3)
     for _ in range(VARIANCE_STEPS):
         _accumulate(unknowns, prior, seen, excess, space)
-        w = unknowns[spin] + np.linalg.solve(space.normal, space.right)[spin]
+        w = unknowns[spin] + _newton_step(space)[spin]
         spread = np.ascontiguousarray(invert(space.normal)[spin, spin])
         total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spread)
         variance = (total + prior.spin_weight * prior.spin_variance) / (3.0 + prior.spin_weight)
         prior.information[spin, spin] = prior.spin_shape / variance
+
+
+@njit(cache=True)
+def _newton_step(space: Workspace) -> Array:
+    """Return the step (n,) that solves the normal equations."""
+    step = np.empty_like(space.right)
+    step[:] = np.linalg.solve(space.normal, space.right)
+    return step
 
 
 @njit(cache=True)
@@ -311,7 +319,7 @@ def _converge(
         return False
     cost = _accumulate(unknowns, prior, seen, excess, space)
     for _ in range(MOST_PASSES):
-        delta = np.linalg.solve(space.normal, space.right)
+        delta = _newton_step(space)
         size = float(delta @ space.normal @ delta)
         if size < DONE:
             _move(unknowns, delta, n, space)
@@ -375,9 +383,7 @@ def fit(
         different = found > 1.25 * excess or found < 0.8 * excess
         excess = found if different else excess
         if learns:  # a spin that cannot be seen yet may still be large: the covariance is that for the first variance
-            space.normal[WX : WX + 3, WX : WX + 3] += (
-                prior.spin_shape / prior.spin_variance - prior.information[WX : WX + 3, WX : WX + 3]
-            )
+            space.normal[WX : WX + 3, WX : WX + 3] += prior.spin_shape / prior.spin_variance - prior.information[WX : WX + 3, WX : WX + 3]
         space.covariance[:] = invert(space.normal)
         changed = _expel(seen, gates, excess, space)
         if k < ROUNDS - 1 and not changed:
