@@ -25,7 +25,7 @@ from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
-from .camera import Camera
+from .camera_pose import CameraPose
 from .capture.assembler import Assembler, BurstParams
 from .capture.burst import Burst
 from .detection.illumination import CalibratedLamps
@@ -51,16 +51,6 @@ class EstimateParams:
     """How the ball is measured."""
 
     fast: bool = param(False, "", "whether a ball is measured in less time, with larger errors of the spin")
-
-
-@dataclass(frozen=True)
-class CameraPose:
-    """Pose of a camera: p_camera = rotation p_table + translation (2.3)."""
-
-    rotation: tuple[float, ...] = param(
-        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation matrix from `table` to the camera, by rows", low=-1.001, high=1.001
-    )
-    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera", low=-100.0, high=100.0)
 
 
 @dataclass(frozen=True)
@@ -95,7 +85,7 @@ class EstimateNode(Node):
         self.air = declare_physics(self).air
         self.lamps = self._lamps()
         rig = high_speed_pair()
-        self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
+        self.poses = [declare(self, CameraPose.of(camera), f"{name}.").placed(camera) for name, camera in zip(SIDES, rig, strict=True)]
         self.infos: list[CameraInfo | None] = [None, None]
         self.lenses: list[Lens | None] = [None, None]
         self.measured, self.refused = 0, 0
@@ -113,11 +103,6 @@ class EstimateNode(Node):
             inputs.append(Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side]))
         alone = self.assembler.params.alone
         self.status.wait_for(inputs if not alone else inputs[2 * SIDES.index(alone) :][:2])
-
-    def _pose(self, name: str, camera: Camera) -> Camera:
-        """Return the camera at the pose that the parameters {name}.rotation and {name}.translation give."""
-        pose = declare(self, CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
-        return dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation))
 
     def _lamps(self) -> CalibratedLamps | None:
         """Return the calibrated lamps, or None without any."""

@@ -54,11 +54,13 @@ class TrackCounts:
         taken: Taken into the window.
         late: Refused as older than the window.
         restarts: How often another ball was found than the one that was followed.
+        balls: How many tracks there were: started from a measured ball, or found.
     """
 
     taken: int = 0
     late: int = 0
     restarts: int = 0
+    balls: int = 0
 
 
 @dataclass(slots=True, eq=False)
@@ -131,6 +133,7 @@ class Tracker:
         self._outside.clear()
         self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES), np.zeros((3, 3)))
         self._known, self._changed, self._latest, self._fitted = True, True, ball.time, ball.time
+        self.counts = replace(self.counts, balls=self.counts.balls + 1)
 
     def add_position(self, time: float, position: Array, covariance: Array) -> None:
         """Take a measured position of the ball.
@@ -401,6 +404,7 @@ class Tracker:
         if self._fit(last - start) and self._is_known(track):
             self._known = True
             self._outside.clear()
+            self.counts = replace(self.counts, balls=self.counts.balls + 1)
             return True
         self._track, self._known, self._latest, self._fitted, self._history = before
         return False
