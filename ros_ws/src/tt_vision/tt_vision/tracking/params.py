@@ -35,14 +35,14 @@ class TrackerParams:
         15.0, "m/s", "standard deviation of each velocity component before anything is measured", low=1.0, high=100.0
     )
     spin_spread: float = param(
-        250.0,
+        400.0,
         "rad/s",
-        "standard deviation of each spin component before anything is measured; the median shot of match play has 265 rad/s",
+        "standard deviation of each spin component before anything is measured; match play: 265 rad/s in the median, 956 at most",
         low=1.0,
         high=2000.0,
     )
     spin_weight: float = param(
-        0.2, "", "number of measured spin components that this standard deviation counts as much as", low=1e-3, high=1e6
+        0.3, "", "number of measured spin components that this standard deviation counts as much as", low=1e-3, high=1e6
     )
     spin_along: float = param(
         0.5,
