@@ -10,6 +10,8 @@ import sys
 import threading
 import time
 from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock
@@ -17,7 +19,7 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
@@ -29,10 +31,11 @@ from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
-from tt_core.ros.qos import LATEST, NEWEST
+from tt_core.ros.qos import LATCHED, LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 
 from .control import ArmControl, ControlParams, ControlStep, warm
+from .description import placed_description
 from .joints import Joints
 from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
@@ -53,6 +56,17 @@ POINTS = 0.02  # s between the points of the published swing
 SWITCH = 5e-4  # s, after which the planning thread's Python code yields to the servo
 TELL = 0.2  # s, at least, between two reports of what stops the arm
 LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
+
+
+class ArmLine(Enum):
+    """What the terminal tells."""
+
+    SWING = "swing: strikes in {ahead:.3f} s, joints at most at {ratio:.0%} of their speed limits"
+    NO_SWING = "no swing: {reason}"
+    HELD = "held or limited: {reason}"
+    FREE = "moves as its swings ask"
+    ENABLED = "enabled"
+    DISABLED = "disabled"
 
 
 @dataclass(frozen=True)
@@ -81,7 +95,7 @@ class ArmParams:
 
 
 class ArmNode(Node):
-    """Subscribe to joint states and strokes; publish velocity commands and the planned swing."""
+    """Subscribe to joint states and strokes; publish velocity commands, the planned swing and the description of the arm."""
 
     def __init__(self) -> None:
         """Declare the parameters, check the arm, load the kernels, and connect."""
@@ -91,6 +105,7 @@ class ArmNode(Node):
         guard = declare(self, GuardParams, "guard.")
         self.joints = params.joints or model.names
         self.rtf = params.rtf
+        self.about = f"robot {Path(params.urdf or str(URDF)).stem} with {len(self.joints)} joints"
         self.control = ArmControl(
             model,
             declare(self, SwingLimits, "swing."),
@@ -102,7 +117,7 @@ class ArmNode(Node):
             self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )
         self.on_params(params)
-        self.status = Status(self)
+        self.status = Status(self, hardware=model.pinocchio.name)
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on
         self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
@@ -114,6 +129,9 @@ class ArmNode(Node):
         self.arrival, self.ending = threading.Event(), False
         self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
+        self.description = self.create_publisher(String, "robot_description", LATCHED)
+        urdf = Path(params.urdf or str(URDF)).read_text()
+        self.description.publish(String(data=placed_description(urdf, params.base, params.mount)))
         self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(
@@ -218,11 +236,13 @@ class ArmNode(Node):
         failure = self.wrong_clock(stamp)
         if failure is not None:
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
+            self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
+            self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
             return
         self.frame_time = stamp
         self.status.publish(
@@ -236,6 +256,7 @@ class ArmNode(Node):
             turning=f"{selected.reach.turning:.2f}",
             reasons=reasons,
         )
+        self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
         self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
 
     def wrong_clock(self, stamp: float) -> Failure | None:
@@ -250,6 +271,7 @@ class ArmNode(Node):
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Switch motion on or off, the service arm/enable."""
         self.control.enable(request.data)
+        self.status.terminal.info(ArmLine.ENABLED if request.data else ArmLine.DISABLED)
         response.success, response.message = True, "enabled" if request.data else "disabled"
         return response
 
@@ -284,6 +306,10 @@ class ArmNode(Node):
         if kind != self.told and now > self.told_at + TELL:
             self.told, self.told_at = kind, now
             self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
+            if reason is None:
+                self.status.terminal.info(ArmLine.FREE)
+            else:
+                self.status.terminal.warn(ArmLine.HELD, reason=reason)
 
     def close(self) -> None:
         """Bring the arm to rest before the context ends."""

@@ -14,6 +14,7 @@ from tt_core.states import Array
 ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
 JERK = 4000.0  # rad/s^3 or m/s^3 of each joint; our choice: 5 ms from rest to the full acceleration
 COMMAND_TIMEOUT = 0.1  # s for which the drives hold a command, as in the drives of real arms
+HOLD_RESERVE = 0.04  # s more for which a command may act: its transport, and a process that is held up twice; our choice, costs no stroke
 
 
 @dataclass(frozen=True, slots=True, eq=False)

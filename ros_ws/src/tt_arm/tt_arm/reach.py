@@ -24,7 +24,7 @@ from . import dissertation
 from .ik.ik_search import ONES, PostureWeights, search, turning_rate
 from .ik.newton import newton
 from .ik.velocity_allocation import least_shares, steady_rows
-from .joints import COMMAND_TIMEOUT, JointBounds, JointLimits
+from .joints import COMMAND_TIMEOUT, HOLD_RESERVE, JointBounds, JointLimits
 from .kinematics import Chain, forward
 from .model import ArmModel
 
@@ -76,9 +76,9 @@ class ReachParams:
         high=1000.0,
     )
     command_timeout: float = param(
-        COMMAND_TIMEOUT,
+        COMMAND_TIMEOUT + HOLD_RESERVE,
         "s",
-        "time for which a drive may hold its speed before it brakes; set by the stroke selection to that of swings",
+        "time for which a joint may keep its speed before it brakes; set by the stroke selection to that of swings",
         low=0.0,
         high=10.0,
     )

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.hit_windows import PATH_END_X
 from tt_core.params import check, param
-from tt_core.ros.convert import ball_from_message, path_to_message
+from tt_core.ros.convert import ball_from_message, path_to_message, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
@@ -28,6 +29,12 @@ from .uncertainty import uncertainty
 
 UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
 LARGEST_STATE = 4096  # bytes: a state has 730
+
+
+class PredictLine(Enum):
+    """What the terminal tells."""
+
+    PATH = "path: bounces {bounces}, {seconds:.2f} s long, ends at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,10 @@ class PredictParams:
 
 
 class PredictNode(Node):
-    """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics."""
+    """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics.
+
+    The same path goes to ball/path_poses in the form that viewers draw.
+    """
 
     def __init__(self) -> None:
         """Declare parameters, load the kernels, then subscribe."""
@@ -61,6 +71,7 @@ class PredictNode(Node):
         uncertainty(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
         self.status = Status(self)
         self.path = self.create_publisher(MultiDOFJointTrajectory, "ball/path", RELIABLE)
+        self.poses = self.create_publisher(Path, "ball/path_poses", RELIABLE)
         self.refused = Refusals(self.status, "state")
         states = Input(self, Odometry, "ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
         self.status.wait_for([states])
@@ -76,12 +87,17 @@ class PredictNode(Node):
             ):
                 return  # it flies away, is past, or is nearly the last one
             path = rollout(ball, self.physics, self.stop)
-            self.path.publish(path_to_message(thinned(path)))
+            shown = thinned(path)
+            self.path.publish(path_to_message(shown))
+            if self.poses.get_subscription_count():
+                self.poses.publish(path_to_poses(shown))
         except TtError as error:
             self.refused(error)
             return
         self.predicted = ball.time
         self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
+        place = dict(zip("xyz", path.end.position, strict=True))
+        self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
         """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin.

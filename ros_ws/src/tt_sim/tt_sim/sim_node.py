@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_core.errors import TtError
@@ -63,6 +64,20 @@ SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another o
 LARGEST = 4096  # bytes of a command
 PAUSE = 0.25  # s, at least, between two reports of refused commands
 DARK = 8  # grey level of an image without a ball
+
+
+class SimLine(Enum):
+    """What the terminal tells."""
+
+    LANDED = (
+        "ball {number}, {shot}: {result}; hit {offset:.0f} mm off the centre, came down at {landing[0]:.2f}, {landing[1]:.2f} m "
+        "after {seconds:.2f} s"
+    )
+    OVER = "ball {number}, {shot}: {result}"
+    COMMAND_REFUSED = "command refused: {error}"
+    PUBLISHERS = "commands refused: {count} publishers, {names}"
+    BRAKES = "the drives brake: no command in time"
+    FOLLOWS = "the drives follow commands"
 
 
 class SimNode(Node):
@@ -107,6 +122,8 @@ class SimNode(Node):
         )
         self.create_timer(LOOK, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
+        self.create_service(SetBool, "sim/pause", self.on_pause)
+        self.create_service(Trigger, "sim/step", self.on_step)
         answer_clock_pings(self)
         warm(plant)
         sys.setswitchinterval(SWITCH)
@@ -126,7 +143,7 @@ class SimNode(Node):
 
     def create_publishers(self) -> None:
         """Create all publishers, and publish the camera infos."""
-        self.status = Status(self)
+        self.status = Status(self, hardware="simulator")
         self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in SIDES]
         names, cameras = SIDES + WIDE_SIDES, high_speed_pair() + wide_pair()
         self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in names]
@@ -140,7 +157,8 @@ class SimNode(Node):
         self.true_racket = self.create_publisher(Odometry, "sim/racket", TRUTH)
 
     def on_params(self, params: SimParams) -> None:
-        """Launch other shots from now on; what is rendered already comes first."""
+        """Launch other shots from now on, what is rendered already comes first; use another length of a step."""
+        self.params = params
         self.launches.shots = params.all_shots
 
     def on_launcher(self, launcher: LauncherParams) -> None:
@@ -148,9 +166,9 @@ class SimNode(Node):
         self.loop.rate = launcher.rate
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
+        """Hand the joint velocities of a command to the drive, as of its arrival; count and report a command that the drive refuses."""
         try:
-            self.drive.take(message.data, time.monotonic())
+            self.drive.take(message.data, time.monotonic() - self.commands.waited)
         except TtError as error:
             self.on_refused(error)
 
@@ -160,6 +178,7 @@ class SimNode(Node):
         if time.monotonic() - self.refusal_told >= PAUSE:
             self.refusal_told = time.monotonic()
             self.status.publish(f"command refused: {error}", warn=True, refused=self.refused)
+            self.status.terminal.warn(SimLine.COMMAND_REFUSED, error=error)
 
     def check_sole_publisher(self) -> None:
         """Make the drive ignore all commands while more than one node publishes them."""
@@ -169,6 +188,8 @@ class SimNode(Node):
             self.drive.sole = sole
             text = "commands obeyed: one publisher" if sole else f"commands refused: {len(names)} publishers, {', '.join(sorted(names))}"
             self.status.publish(text, warn=not sole)
+            if not sole:
+                self.status.terminal.warn(SimLine.PUBLISHERS, count=len(names), names=", ".join(sorted(names)))
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Launch the next ball, unless balls are launched at a rate or one is in flight."""
@@ -180,6 +201,23 @@ class SimNode(Node):
         self.busy.set()
         response.success, response.message = True, "{} {}".format(*self.launches.next_shot)
         threading.Thread(target=self.render, daemon=True).start()
+        return response
+
+    def on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Let simulated time stand still or go on, the service sim/pause."""
+        if request.data and not self.get_parameter("use_sim_time").value:
+            response.message = "refused: the nodes follow the system clock, which does not pause; start with use_sim_time:=true"
+            return response
+        self.loop.pause(request.data)
+        response.success, response.message = True, "paused" if request.data else "running"
+        return response
+
+    def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Let the parameter `step` of simulated time pass, the service sim/step."""
+        if not self.loop.paused:
+            response.message = "refused: simulated time does not stand still"
+            return response
+        response.success, response.message = True, f"to {self.loop.step(self.params.step):.6f} s"
         return response
 
     def render(self) -> None:
@@ -217,9 +255,9 @@ class SimNode(Node):
         """Publish the true ball."""
         self.publish(self.true_ball, ball_to_message, ball)
 
-    def publish_joints(self, joints: Joints) -> None:
-        """Publish the measured joints."""
-        self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot)
+    def publish_joints(self, joints: Joints, effort: Array) -> None:
+        """Publish the measured joints and the torques of their motors."""
+        self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot, effort)
 
     def publish_truth(self, tick: Tick) -> None:
         """Publish ball and racket while a ball flies; a contact becomes two states of one time."""
@@ -244,6 +282,7 @@ class SimNode(Node):
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""
         self.status.publish("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
+        self.status.terminal.info(SimLine.BRAKES if is_braking else SimLine.FOLLOWS)
 
     def report_record(self, record: ArmRecord) -> None:
         """Report the worst that the true arm did."""
@@ -254,6 +293,13 @@ class SimNode(Node):
         """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""
         self.busy.clear()
         self.status.publish(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
+        values = {"number": launch.number, "shot": launch.shot, "result": outcome.result.value}
+        hit, landing = outcome.hit, outcome.landing
+        if hit is None or landing is None:
+            self.status.terminal.info(SimLine.OVER, **values)
+            return
+        values |= {"landing": landing.before.position, "seconds": landing.before.time - hit.before.time}
+        self.status.terminal.info(SimLine.LANDED, offset=1e3 * hit.offset, **values)
 
     def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
         """Publish what `convert` makes of the values, in the message that was published there last."""
