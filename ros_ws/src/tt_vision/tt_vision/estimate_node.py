@@ -27,6 +27,7 @@ from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RECORDED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
+from .camera import Camera
 from .camera_pose import CameraPose
 from .capture.assembler import Assembler, BurstParams
 from .capture.burst import Burst
