@@ -449,3 +449,29 @@ print(sorted(kernels() - before))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
     assert done.stdout.strip() == "[]"
+
+
+def test_a_swing_is_committed_shortly_before_its_strike_and_after_it():
+    first = printed(0.55)[0]
+    newer = RacketState(0.553, first.position + [0.01, -0.01, 0.005], first.velocity, first.alpha, first.beta)
+    for now in (0.52, 0.6):  # 30 ms before the strike, and 50 ms after it
+        arm = Arm(params=ControlParams(commit=0.06))
+        arm.run(0.05)
+        arm.control.take([first])
+        arm.run(now)
+        refused = arm.control.take([newer]).refused
+        assert refused.code is ArmStop.SWING_COMMITTED
+        assert refused.values["left"] == pytest.approx(0.55 - now, abs=0.01)
+
+
+def test_a_correction_that_is_too_large_keeps_the_swing():
+    first = printed(0.55)[0]
+    far = RacketState(0.55, first.position + [0.0, 0.1, 0.0], first.velocity, first.alpha, first.beta)
+    arm = Arm(params=ControlParams(largest_correction=0.05))
+    arm.run(0.05)
+    arm.control.take([first])
+    arm.run(0.2)
+    refused = arm.control.take([far]).refused
+    assert refused.code is ArmStop.CORRECTION_TOO_LARGE
+    assert refused.values["distance"] == pytest.approx(0.1)
+    assert missed(arm.run(0.6, first.time), first)[0] < 0.5

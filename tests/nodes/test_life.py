@@ -28,6 +28,7 @@ NODES = {
     "sim_node": ("tt_sim", ()),
     "camera_node": ("tt_vision", ("--ros-args", "-p", "kind:=bag", "-p", f"path:={BAG}")),
     "estimate_node": ("tt_vision", ()),
+    "track_node": ("tt_vision", ()),
     "predict_node": ("tt_predict", ()),
     "racket_node": ("tt_racket", ()),
     "arm_node": ("tt_arm", ()),

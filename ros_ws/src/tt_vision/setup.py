@@ -10,7 +10,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_vision"]),
         ("share/tt_vision", ["package.xml"]),
-        ("lib/tt_vision", ["scripts/calibrate", "scripts/camera_node", "scripts/estimate_node"]),
+        ("lib/tt_vision", ["scripts/calibrate", "scripts/camera_node", "scripts/estimate_node", "scripts/track_node"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

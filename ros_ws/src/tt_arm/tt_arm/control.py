@@ -49,6 +49,16 @@ class ControlParams:
         low=0.0,
         high=10.0,
     )
+    commit: float = param(
+        0.06,
+        "s",
+        "time before the strike from which newer strokes for its ball change nothing; room for planning and a smooth change",
+        low=0.0,
+        high=1.0,
+    )
+    largest_correction: float = param(
+        1.0, "m", "distance of a newer stroke from the present one, above which the swing stays; see `stroke_distance`", low=0.0, high=10.0
+    )
     hurry: float = param(
         1.0,
         "s",
@@ -260,12 +270,18 @@ class ArmControl:
             return _refused(Failure(ArmStop.ARRIVING))
         if rackets and min(r.time for r in rackets) > joints.time + self.params.horizon:
             return _refused(Failure(ArmStop.FAR_AHEAD, ahead=rackets[0].time - joints.time, bound=self.params.horizon))
-        current = stroke if stroke is not None and stroke[0].time > joints.time else None
+        left = stroke[0].time - joints.time if stroke is not None else -np.inf
+        if stroke is not None and left < self.params.commit and any(abs(r.time - stroke[0].time) < self.params.same_ball for r in rackets):
+            return _refused(Failure(ArmStop.SWING_COMMITTED, left=left, bound=self.params.commit))
+        current = stroke if left > 0.0 else None
         if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
-            if min(stroke_distance(current[0], r) for r in rackets) < self.params.replan_distance:
+            correction = min(stroke_distance(current[0], r) for r in rackets)
+            if correction < self.params.replan_distance:
                 return _refused(Failure(ArmStop.SWING_WILL_DO))
+            if correction > self.params.largest_correction:
+                return _refused(Failure(ArmStop.CORRECTION_TOO_LARGE, distance=correction, bound=self.params.largest_correction))
         elif current is not None:  # another ball: what is on its way comes first
             begin, current = current[0].time, None
         time = max(joints.time + self.params.ahead, begin)

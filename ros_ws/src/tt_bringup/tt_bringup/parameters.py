@@ -35,6 +35,7 @@ NODES = {
     "sim": ("tt_sim", "sim_node"),
     "camera": ("tt_vision", "camera_node"),
     "estimate": ("tt_vision", "estimate_node"),
+    "track": ("tt_vision", "track_node"),
     "predict": ("tt_predict", "predict_node"),
     "racket": ("tt_racket", "racket_node"),
     "arm": ("tt_arm", "arm_node"),

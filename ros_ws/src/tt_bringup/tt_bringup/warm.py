@@ -24,8 +24,9 @@ from tt_sim.render import Scene
 from tt_sim.simulated_robot import warm as warm_hardware
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_sim.world.plant import Plant
-from tt_vision.rig import high_speed_pair
+from tt_vision.rig import high_speed_pair, wide_pair
 from tt_vision.warm import warm as warm_vision
+from tt_vision.warm import warm_tracker
 
 
 def images() -> None:
@@ -54,6 +55,7 @@ def main() -> None:
     _tell("images and measurement beside: prediction")
     uncertainty(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
+    warm_tracker(wide_pair())
     _tell("strokes")
     goal = default_goal(ball.spin, GoalParams())
     intercept(path, goal, physics, InterceptParams())

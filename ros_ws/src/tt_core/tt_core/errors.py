@@ -97,8 +97,12 @@ def check_array(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     Raises:
         BadShape: It has another shape.
         NotFinite: A number is NaN or infinite.
+        TtError: It does not consist of numbers, or its rows differ in length.
     """
-    array = np.array(value, dtype=np.float64)
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise TtError(f"{name} is no array of numbers: {error}") from error
     if array.shape != shape and not (
         array.ndim == len(shape) and all(want in (-1, have) for have, want in zip(array.shape, shape, strict=True))
     ):

@@ -168,7 +168,7 @@ def _accelerate_entry(velocity: Array, spin: Array, air: Array, out: Array) -> N
 
 
 # Dormand and Prince 1980, RK5(4)7M, the row of order 5
-_A = np.array(
+RK_A = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0],
         [1 / 5, 0.0, 0.0, 0.0, 0.0],
@@ -178,8 +178,8 @@ _A = np.array(
         [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
     ]
 )
-_B = np.array([35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
-_C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
+RK_B = np.array([35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
+RK_C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
 
 
 @njit(cache=True, forceinline=True, error_model="numpy")
@@ -198,15 +198,15 @@ def step(state: Array, h: float, air: AirCoefficients, out: Array, work: Array) 
     for i in range(6):
         s0, s1, s2 = v0, v1, v2
         for j in range(i):
-            a = h * _A[i, j]
+            a = h * RK_A[i, j]
             s0 += a * work[j, 0]
             s1 += a * work[j, 1]
             s2 += a * work[j, 2]
         if air.spin_decay != 0.0:
-            fade = math.exp(-air.spin_decay * _C[i] * h)
+            fade = math.exp(-air.spin_decay * RK_C[i] * h)
         a0, a1, a2 = _acceleration(s0, s1, s2, fade * w0, fade * w1, fade * w2, air)
         work[i, 0], work[i, 1], work[i, 2] = a0, a1, a2
-        b = h * _B[i]
+        b = h * RK_B[i]
         dp0 += b * s0
         dp1 += b * s1
         dp2 += b * s2

@@ -14,43 +14,43 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 from scipy.optimize import least_squares
 from tt_core.arrays import POSITION, STATE, TIME, VELOCITY, Array
-from tt_core.bounce import TableRebound
-from tt_core.errors import BadChoice, TtError
+from tt_core.errors import TtError
 from tt_core.events import MOST_BOUNCES, Rows, StopCondition, StopKind, walk
-from tt_core.flight import Aerodynamics
 from tt_core.interpolate import hermite
 from tt_core.physics import Physics, physics_coefficients
 
+from .coefficients import LEAST_SCALE, RANGES, NoFlights, coefficient, with_coefficients
+from .landing_fit import Identification, identify_landings
 from .landings import up_to_landing
 from .recordings import Flight, load
+
+__all__ = [
+    "Identification",
+    "Identified",
+    "NoFlights",
+    "Predictor",
+    "coefficient",
+    "identify",
+    "identify_landings",
+    "main",
+    "with_coefficients",
+    "write_parameters",
+]
 
 SPIN_UNIT = 100.0  # rad/s, scales the fit
 MOST_SPIN = 1000.0  # rad/s
 SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins that the fit may start from; at 0 (3.3) jumps
 START_CORRECTIONS = 3  # of the start of a flight, the first time
 MORE_CORRECTIONS = 2  # from the start that was found with the last coefficients
-LEAST_SCALE = 0.05  # of a coefficient in the fit
-_RANGES = {
-    f"{prefix}.{f.name}": (f.metadata["low"], f.metadata["high"])
-    for prefix, model in (("air", Aerodynamics), ("table", TableRebound))
-    for f in fields(model)
-}
 _AT_TIME = int(StopKind.TIME)
 _TINY = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4])  # m, m/s: differences for the Jacobian by the start
-
-
-class NoFlights(TtError):
-    """Nothing to identify from."""
-
-    def __init__(self) -> None:
-        super().__init__("no flight to identify from")
 
 
 @njit(cache=True)
@@ -156,26 +156,6 @@ def _topspin(value: float) -> Array:
     return np.array([0.0, -value, 0.0])
 
 
-def coefficient(physics: Physics, name: str) -> float:
-    """Return the coefficient of a name, "air.drag" and the like.
-
-    Raises:
-        BadChoice: There is no coefficient of that name.
-    """
-    if name not in _RANGES:
-        raise BadChoice("coefficient", name, tuple(_RANGES))
-    part, _, field = name.partition(".")
-    return float(getattr(getattr(physics, part), field))
-
-
-def with_coefficients(physics: Physics, names: Sequence[str], values: Sequence[float] | Array) -> Physics:
-    """Return the models with other values of the coefficients `names`."""
-    for name, value in zip(names, values, strict=True):
-        part, _, field = name.partition(".")
-        physics = replace(physics, **{part: replace(getattr(physics, part), **{field: float(value)})})
-    return physics
-
-
 class _Fit:
     """The least squares problem: residuals of all flights as a function of coefficients and spins.
 
@@ -224,7 +204,7 @@ class _Fit:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the least and the largest unknowns (n,)."""
-        ranges = [_RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
+        ranges = [RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
         low, high = np.array(ranges).T / self.scale
         return low, high
 
@@ -311,7 +291,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("source", type=Path, help="a bag (a folder, *.mcap, *.db3 or *.bag), or a folder of *.hdf5 of the aimy launcher")
     parser.add_argument("--topic", default="/ball/state", help="nav_msgs/Odometry of the ball in a bag (default %(default)s)")
     parser.add_argument("--physics", choices=("liu", "measured"), default="liu", help="the models to start from (default %(default)s)")
-    parser.add_argument("--coefficients", nargs="+", default=None, metavar="NAME", help=f"what is fitted: any of {', '.join(_RANGES)}")
+    parser.add_argument("--coefficients", nargs="+", default=None, metavar="NAME", help=f"what is fitted: any of {', '.join(RANGES)}")
     parser.add_argument(
         "--output", type=Path, default=Path("identified.yaml"), help="file of ROS parameters that is written (default %(default)s)"
     )

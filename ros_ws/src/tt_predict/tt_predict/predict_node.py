@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -26,6 +27,7 @@ from tt_core.states import BallState
 from .rollout import StopRule, rollout, thinned
 from .uncertainty import uncertainty
 
+UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
 LARGEST_STATE = 4096  # bytes: a state has 730
 
 
@@ -41,6 +43,9 @@ class PredictParams:
 
     until_x: float = param(
         PATH_END_X, "m", "x of the plane in `table` at which a path ends; past every hit window of the racket node", low=-100.0, high=100.0
+    )
+    interval: float = param(
+        0.0, "s", "least time between two states that are predicted; a tracker sends more than the nodes behind can use", low=0.0, high=1.0
     )
 
     def __post_init__(self) -> None:
@@ -58,7 +63,9 @@ class PredictNode(Node):
         """Declare parameters, load the kernels, then subscribe."""
         super().__init__("predict")
         self.physics = declare_physics(self)
-        self.stop = StopRule.at_x(declare(self, PredictParams).until_x)
+        self.params = declare(self, PredictParams)
+        self.stop = StopRule.at_x(self.params.until_x)
+        self.predicted = self.at_end_predicted = -math.inf  # s, of the last state whose path, and whose uncertainty was predicted
         ball = BallState(0.0, np.array([2.6, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.array([0.0, -300.0, 0.0]))
         rollout(ball, self.physics, self.stop)  # loads the kernels
         uncertainty(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
@@ -73,6 +80,12 @@ class PredictNode(Node):
         """Predict the path and publish it."""
         try:
             ball = ball_from_message(message)
+            if (
+                ball.velocity[0] >= 0.0
+                or ball.position[0] <= self.params.until_x
+                or 0.0 <= ball.time - self.predicted < self.params.interval
+            ):
+                return  # it flies away, is past, or is nearly the last one
             path = rollout(ball, self.physics, self.stop)
             shown = thinned(path)
             self.path.publish(path_to_message(shown))
@@ -81,14 +94,21 @@ class PredictNode(Node):
         except TtError as error:
             self.refused(error)
             return
+        self.predicted = ball.time
         self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
         place = dict(zip("xyz", path.end.position, strict=True))
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
-        """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin."""
+        """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin.
+
+        It is empty within UNCERTAIN of the last one.
+        """
+        if ball.covariance is None or 0.0 <= ball.time - self.at_end_predicted < UNCERTAIN:
+            return {}
+        self.at_end_predicted = ball.time
         try:
-            end = uncertainty(ball, self.physics, self.stop) if ball.covariance is not None else None
+            end = uncertainty(ball, self.physics, self.stop)
         except TtError as error:
             return {"uncertainty": str(error)}
         if end is None:

@@ -45,7 +45,7 @@ from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
 from tt_core.states import Array, BallState
-from tt_vision.rig import high_speed_pair
+from tt_vision.rig import SIDES, WIDE_SIDES, high_speed_pair, wide_pair
 
 from .cameras.render_worker import LaunchRenderer
 from .launch_store import LaunchStore, ReadyLaunch
@@ -59,7 +59,6 @@ from .world.outcome import Outcome
 from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
-CAMERAS, TRACKING_CAMERAS = ("left", "right"), ("wide_left", "wide_right")
 NICE = -10  # priority: hardware does not wait for a busy machine
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
@@ -102,13 +101,13 @@ class SimNode(Node):
             renderer,
             self.params.all_shots,
             self.params.repeat,
-            lambda image: image_to_message(image.image, 0.0, f"{CAMERAS[image.side]}_optical"),
+            lambda image: image_to_message(image.image, 0.0, f"{SIDES[image.side]}_optical"),
         )
         self.busy = threading.Event()  # set while a launch on request waits for its images or its ball flies
         self.refused, self.refusal_told = 0, -np.inf  # commands since the start; s, monotonic
         self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
         self.create_publishers()
-        cameras = zip(high_speed_pair(), CAMERAS, strict=True)
+        cameras = zip(high_speed_pair(), SIDES, strict=True)
         dark = [image_to_message(np.full((c.height, c.width), DARK, np.uint8), 0.0, f"{name}_optical") for c, name in cameras]
         self.loop = SimLoop(self.params, world, plant, self.drive, self.launches, dark, self)
         self.loop.rate = self.launcher.rate
@@ -145,12 +144,13 @@ class SimNode(Node):
     def create_publishers(self) -> None:
         """Create all publishers, and publish the camera infos."""
         self.status = Status(self, hardware="simulator")
-        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in CAMERAS]
-        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in CAMERAS]
-        for publisher, camera, name in zip(self.infos, high_speed_pair(), CAMERAS, strict=True):
+        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in SIDES]
+        names, cameras = SIDES + WIDE_SIDES, high_speed_pair() + wide_pair()
+        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in names]
+        for publisher, camera, name in zip(self.infos, cameras, names, strict=True):
             size = camera.width, camera.height
             publisher.publish(camera_to_message(*size, camera.matrix, camera.distortion, f"{name}_optical"))
-        self.pixels = [self.create_publisher(PointStamped, f"camera/{name}/ball", SENSOR) for name in TRACKING_CAMERAS]
+        self.pixels = [self.create_publisher(PointStamped, f"camera/{name}/ball", SENSOR) for name in WIDE_SIDES]
         self.joints = self.create_publisher(JointState, "joint_states", RELIABLE)
         self.clock = self.create_publisher(Clock, "/clock", LATEST)
         self.true_ball = self.create_publisher(Odometry, "sim/ball", TRUTH)
@@ -277,7 +277,7 @@ class SimNode(Node):
 
     def publish_pixel(self, side: int, stamped: float, pixel: Array) -> None:
         """Publish the pixel of the ball of a wide camera."""
-        self.pixels[side].publish(pixel_to_message(stamped, pixel, f"{TRACKING_CAMERAS[side]}_optical"))
+        self.pixels[side].publish(pixel_to_message(stamped, pixel, f"{WIDE_SIDES[side]}_optical"))
 
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""

@@ -28,6 +28,7 @@ from tt_core.ros.qos import LATCHED, RECORDED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
 from .camera import Camera
+from .camera_pose import CameraPose
 from .capture.assembler import Assembler, BurstParams
 from .capture.burst import Burst
 from .detection.illumination import CalibratedLamps
@@ -64,16 +65,6 @@ class EstimateParams:
 
 
 @dataclass(frozen=True)
-class CameraPose:
-    """Pose of a camera: p_camera = rotation p_table + translation (2.3)."""
-
-    rotation: tuple[float, ...] = param(
-        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation matrix from `table` to the camera, by rows", low=-1.001, high=1.001
-    )
-    translation: tuple[float, ...] = param((0.0, 0.0, 0.0), "m", "origin of `table` in the frame of the camera", low=-100.0, high=100.0)
-
-
-@dataclass(frozen=True)
 class LampParams:
     """Calibrated lamps."""
 
@@ -96,11 +87,7 @@ def read_poses(read: Callable[..., Any]) -> list[Camera]:
     Args:
         read: Takes an instance that has the defaults, and a prefix; returns an instance with the values of the parameters.
     """
-    cameras = []
-    for name, camera in zip(SIDES, high_speed_pair(), strict=True):
-        pose = read(CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
-        cameras.append(dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation)))
-    return cameras
+    return [read(CameraPose.of(camera), f"{name}.").placed(camera) for name, camera in zip(SIDES, high_speed_pair(), strict=True)]
 
 
 def read_lamps(read: Callable[..., Any]) -> CalibratedLamps | None:

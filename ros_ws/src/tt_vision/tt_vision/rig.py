@@ -9,6 +9,7 @@ import numpy as np
 from .camera import Camera
 
 SIDES = ("left", "right")  # of the fast cameras, in this order everywhere
+WIDE_SIDES = ("wide_left", "wide_right")  # of the wide cameras, in this order everywhere
 
 FRAME_RATE = 900.0  # 1/s, dissertation Section 2.1
 EXPOSURE = 200e-6  # s; not printed in the dissertation; spin stays sharp up to here

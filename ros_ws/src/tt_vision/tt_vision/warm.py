@@ -6,13 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 from tt_core.constants import BALL_RADIUS
-from tt_core.states import Array
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
 
 from .camera import Camera
 from .capture.burst import LEAST_FRAMES
 from .detection.illumination import CalibratedLamps
 from .measure import measure
 from .spin.coarse_search import prepare_search
+from .tracking import Tracker
 
 
 def warm(cameras: Sequence[Camera]) -> None:
@@ -31,6 +33,26 @@ def warm(cameras: Sequence[Camera]) -> None:
         measure(left, None, times, cameras[:1])
     measure(left, None, times, cameras[:1], lamps=CalibratedLamps(start[None] + 1.0, np.ones(1), 1.0))
     prepare_search()
+
+
+def warm_tracker(cameras: Sequence[Camera]) -> None:
+    """Compile every kernel of the tracker, on a ball that flies, bounces and is lost.
+
+    Args:
+        cameras: Wide ones that see the table.
+    """
+    state = np.array([1.6, 0.76, 0.2, -6.0, 0.0, -1.0, 0.0, -100.0, 0.0])
+    physics = Physics.measured()
+    found, started = Tracker(physics, cameras), Tracker(physics, cameras)
+    started.start(BallState.from_vector(0.0, state, np.diag(np.repeat([1e-3, 0.05, 10.0], 3) ** 2)))
+    for time in np.arange(1, 90) / 150.0:
+        ball = started.state(time)
+        if ball is not None:
+            for tracker in (found, started):
+                for index, camera in enumerate(cameras):
+                    tracker.add_pixel(time, index, camera.project(ball.position[None])[0], 0.1)
+                tracker.add_position(time, ball.position, np.eye(3) * 1e-6)
+                tracker.state()
 
 
 def _draw(camera: Camera, centre: Array, angle: float) -> np.ndarray:

@@ -43,4 +43,6 @@ class ArmStop(Enum):
     CLOCK_OFFSET = "the clock of {source} is off by {offset:+.4f} s, at most {bound:g} s allowed"
     SWING_ON_ITS_WAY = "a swing is on its way"
     SWING_WILL_DO = "the swing on its way will do"
+    SWING_COMMITTED = "the strike is {left:.3f} s ahead, the swing does not change any more within {bound:g} s"
+    CORRECTION_TOO_LARGE = "a correction of {distance:.3f} m, at most {bound:g} m allowed"
     STOPPED_MEANWHILE = "the arm was stopped while the swing was planned"

@@ -30,6 +30,7 @@ class Event(Enum):
 
     MEASURED = "measured"
     REFINED = "refined"
+    FOLLOWED = "followed"
     PATH = "path"
     STROKES = "strokes"
     SWING = "swing"

@@ -1,0 +1,453 @@
+"""The facade of tracking: what was seen goes in, the ball at any time comes out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from tt_core.arrays import POSITION, SPIN, VELOCITY
+from tt_core.constants import BALL_RADIUS, FLOOR_Z
+from tt_core.errors import BadChoice, TtError, check_array, check_range
+from tt_core.events import FARTHEST, FASTEST, LONGEST
+from tt_core.physics import Physics
+from tt_core.states import Array, BallState
+from tt_core.tangents import DRAG, FRICTION, GRIP, LIFT, PARAMETERS, RESTITUTION
+
+from ..camera import Camera
+from . import cold_start
+from .history import POSITION as A_POSITION
+from .history import History, Measurements
+from .params import TrackerParams
+from .prediction import predict
+from .window_fit import Prior, Workspace, fit, invert, shift, workspace
+
+BATCH = 16  # measurements that are fitted at a time
+RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
+MISSED = 6
+OTHER_SPINS = (0.0, 0.5, 1.5, -0.5)  # of the fitted spin, from which a bad fit is tried again
+SILENCE = 0.5  # s without a measurement, after which another ball is looked for
+SLACK = 0.05  # s, by which the window may grow beyond its lag before its start moves
+WIDEST_PLACE = 30.0  # m, standard deviation of the place of a ball before anything is measured
+LEAST_VARIANCES = np.repeat([1e-10, 1e-8, 1e-4], 3)  # m^2, (m/s)^2, (rad/s)^2: of a measured ball, so that its covariance has an inverse
+MOST_SPIN = 1e4  # rad/s
+UNKNOWN_BALL = np.repeat([0.02, 0.3, 100.0], 3) ** 2  # variances of a ball that is given without a covariance
+LATEST = 1e12  # s, of a stamp
+
+
+class NotACovariance(TtError):
+    """A matrix that is no covariance."""
+
+    def __init__(self, name: str, eigenvalue: float) -> None:
+        """Keep the smallest eigenvalue; NaN if the matrix is not symmetric."""
+        super().__init__(f"{name} is not a covariance: smallest eigenvalue {eigenvalue:g}")
+        self.name, self.eigenvalue = name, eigenvalue
+
+
+@dataclass(frozen=True, slots=True)
+class TrackCounts:
+    """How many measurements were taken, and what became of the others.
+
+    Attributes:
+        taken: Taken into the window.
+        late: Refused as older than the window.
+        restarts: How often another ball was found than the one that was followed.
+        balls: How many tracks there were: started from a measured ball, or found.
+    """
+
+    taken: int = 0
+    late: int = 0
+    restarts: int = 0
+    balls: int = 0
+
+
+@dataclass(slots=True, eq=False)
+class _Track:
+    """One ball: prior, estimate, and results of the fit."""
+
+    prior: Prior
+    unknowns: Array
+    space: Workspace
+    excess: float = 1.0
+
+    @property
+    def is_unannounced(self) -> bool:
+        """Whether the prior is that of a ball that nothing announced."""
+        return bool(self.prior.spin_shape[0, 0] > 0.0)
+
+
+class Tracker:
+    """Follow one ball.
+
+    The ball is started by a measured state, or found in positions or pixels alone. Measurements may arrive in any order; each counts at its
+    stamp. What is older than the window of `TrackerParams.lag` is refused. Nothing is computed before a state is asked for.
+    """
+
+    def __init__(self, physics: Physics, cameras: Sequence[Camera] = (), params: TrackerParams | None = None) -> None:
+        """Begin without a ball.
+
+        Args:
+            physics: Models of air and table.
+            cameras: Those whose pixels will be given.
+            params: Assumptions; None for the defaults.
+        """
+        self.params = TrackerParams() if params is None else params
+        self.counts = TrackCounts()
+        self._models, self._physics = physics, physics.coefficients
+        self._cameras = np.array([camera.vector for camera in cameras]).reshape(-1, 20)
+        self._unknowns = PARAMETERS + (2 * len(self._cameras) if self.params.camera_bias > 0.0 else 0)
+        self._noise = np.array([self.params.acceleration_noise**2, self.params.spin_noise**2, self.params.bounce_noise])
+        self._broad = np.array([*3 * (self.params.spin_spread,), self.params.drag_spread, self.params.lift_spread])
+        self._history, self._outside = History(), History()
+        self._track: _Track | None = None
+        self._known = self._changed = False
+        self._latest = -math.inf  # s, of the last measurement that is used
+        self._fitted = -math.inf  # s, of the last one that was fitted or refused
+
+    def start(self, ball: BallState) -> None:
+        """Start anew from a measured ball. Measurements after its time are kept, earlier ones are forgotten.
+
+        Args:
+            ball: In `table`. Without a covariance it counts as a rough guess (UNKNOWN_BALL).
+
+        Raises:
+            NotACovariance: The covariance is not symmetric, or has a negative eigenvalue.
+            OutOfRange: Time, place, velocity or spin is not that of a ball.
+        """
+        check_range("time", ball.time, -LATEST, LATEST)
+        for name, values, most in (
+            ("position", ball.position, FARTHEST),
+            ("velocity", ball.velocity, FASTEST),
+            ("spin", ball.spin, MOST_SPIN),
+        ):
+            check_range(name, float(np.abs(values).max()), 0.0, most)
+        covariance = np.diag(UNKNOWN_BALL) if ball.covariance is None else _covariance("covariance", ball.covariance, (9, 9), -1e-9)
+        history = self._history
+        kept = int(np.searchsorted(history.measurements.times, ball.time))
+        history.drop(kept)
+        history.measurements.used[:] = False
+        if len(history) and history.measurements.times[-1] > ball.time + LONGEST:
+            history.clear()
+        self._outside.clear()
+        self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES), np.zeros((3, 3)))
+        self._known, self._changed, self._latest, self._fitted = True, True, ball.time, ball.time
+        self.counts = replace(self.counts, balls=self.counts.balls + 1)
+
+    def add_position(self, time: float, position: Array, covariance: Array) -> None:
+        """Take a measured position of the ball.
+
+        Args:
+            time: s.
+            position: (3,) m in `table`.
+            covariance: (3, 3) m^2.
+
+        Raises:
+            NotACovariance: `covariance` is not symmetric, or not positive definite.
+            NotFinite: A number is NaN or infinite.
+            BadShape: An array has another shape.
+            OutOfRange: The time is absurd, or the position farther than FARTHEST.
+        """
+        time = check_range("time", time, -LATEST, LATEST)
+        position = check_array("position", position, (3,))
+        check_range("position", float(np.abs(position).max()), 0.0, FARTHEST)
+        matrix = _covariance("covariance", covariance, (3, 3), 0.0)
+        self._add(time, A_POSITION, position, np.linalg.inv(np.linalg.cholesky(matrix)))
+
+    def add_pixel(self, time: float, camera_index: int, pixel: Array, sigma: float) -> None:
+        """Take the pixel at which a camera sees the ball.
+
+        Args:
+            time: s.
+            camera_index: Of `cameras`.
+            pixel: (2,) u, v.
+            sigma: Standard deviation of each, pixels.
+
+        Raises:
+            BadChoice: There is no such camera.
+            NotFinite: A number is NaN or infinite.
+            BadShape: `pixel` has another shape.
+            OutOfRange: The time is absurd, `sigma` is not positive, or the pixel is in no image.
+        """
+        time = check_range("time", time, -LATEST, LATEST)
+        if isinstance(camera_index, bool) or camera_index not in range(len(self._cameras)):
+            raise BadChoice("camera_index", str(camera_index), tuple(map(str, range(len(self._cameras)))))
+        pixel = check_array("pixel", pixel, (2,))
+        check_range("pixel", float(np.abs(pixel).max()), 0.0, 1e5)
+        root = np.zeros((3, 3))
+        root[0, 0] = 1.0 / check_range("sigma", sigma, 1e-4, 1e4)
+        self._add(time, int(camera_index), np.append(pixel, 0.0), root)
+
+    def state(self, time: float | None = None) -> BallState | None:
+        """Return the ball with its covariance.
+
+        Args:
+            time: s; None for the time of the last measurement that is used. Bounces on the table are on the way; net and racket are not.
+
+        Returns:
+            The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST after the last
+            one, and below the floor.
+
+        Raises:
+            NotFinite: The time is NaN or infinite.
+        """
+        time = None if time is None else check_range("time", time, -math.inf, math.inf)
+        self._update()
+        track = self._track
+        if track is None or not self._known:
+            return None
+        at = max(self._latest, track.prior.time) if time is None else time
+        if not track.prior.time <= at <= max(self._latest, track.prior.time) + LONGEST:
+            return None
+        return self._predict(track, at)
+
+    @property
+    def physics(self) -> Physics:
+        """The models with the factors of this ball, and of the table as this ball met it."""
+        self._update()
+        if self._track is None or not self._known:
+            return self._models
+        factors = np.exp(self._track.unknowns[:PARAMETERS])
+        air, table = self._models.air, self._models.table
+        drag, lift = float(factors[DRAG]), float(factors[LIFT])
+        return replace(
+            self._models,
+            air=replace(
+                air,
+                drag=air.drag * drag,
+                drag_h=air.drag_h * drag,
+                lift=air.lift * lift,
+                lift_h=air.lift_h * lift,
+                lift_ratio=air.lift_ratio * lift,
+            ),
+            table=replace(
+                table,
+                restitution=min(1.0, table.restitution * float(factors[RESTITUTION])),
+                friction=min(2.0, table.friction * float(factors[FRICTION])),
+                grip=min(2.0, table.grip * float(factors[GRIP])),
+            ),
+        )
+
+    @property
+    def factors(self) -> tuple[Array, Array] | None:
+        """Logarithms (5,) of the factors on drag, lift, restitution, friction, grip, and their covariance (5, 5); None without a ball."""
+        self._update()
+        if self._track is None or not self._known:
+            return None
+        part = slice(DRAG, PARAMETERS)
+        return self._track.unknowns[part].copy(), self._track.space.covariance[part, part].copy()
+
+    def _predict(self, track: _Track, at: float) -> BallState | None:
+        """Return the ball at a time (s) not before the window, or None if that is no ball any more."""
+        duration, unseen = at - track.prior.time, at - self._latest
+        state, covariance = predict(track.unknowns, track.space.covariance, duration, unseen, self._physics, self._noise, self._broad)
+        if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[2] < FLOOR_Z + 0.5 * BALL_RADIUS:
+            return None
+        return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
+
+    def _begin(self, time: float, state: Array, covariance: Array, spin_shape: Array) -> _Track:
+        """Start a track with state (9,) and covariance (9, 9) at a time (s); spin_shape (3, 3): see `Prior`."""
+        mean, full = np.zeros(self._unknowns), np.zeros((self._unknowns, self._unknowns))
+        mean[:9], full[:9, :9] = state, covariance
+        spreads = np.concatenate([self.params.factor_spreads, np.full(self._unknowns - PARAMETERS, self.params.camera_bias)])
+        full[9:, 9:] = np.diag(spreads**2)
+        space = workspace(self._unknowns)
+        space.covariance[:] = full
+        prior = Prior(time, mean, invert(full), spin_shape, self.params.spin_spread**2, self.params.spin_weight)
+        self._track = _Track(prior, mean.copy(), space)
+        return self._track
+
+    def _add(self, time: float, camera: int, value: Array, root: Array) -> None:
+        """Take a checked measurement into the window, or beside it."""
+        times = self._history.measurements.times
+        newest = max(times[-1] if len(times) else -math.inf, self._latest)
+        track, oldest = self._track, newest - self.params.lag
+        if track is not None and (oldest > track.prior.time or not track.is_unannounced):
+            oldest = track.prior.time
+        if track is not None and oldest <= time < track.prior.time:  # the ball was seen earlier than where its track starts: find it anew
+            self._track, self._known, self._latest, self._fitted = None, False, -math.inf, -math.inf
+        if oldest <= time <= newest + SILENCE or not math.isfinite(newest):
+            self._outside.clear()
+            self._take(time, camera, value, root)
+            return
+        # either late, or the first sight of another ball, or of a clock that was set: those agree among themselves
+        late = time < oldest
+        self.counts = replace(self.counts, late=self.counts.late + late)
+        self._outside.add(time, camera, value, root)
+        beside = self._outside.measurements
+        self._outside.drop(int(np.searchsorted(beside.times, beside.times[-1] - cold_start.SPAN)))
+        self._outside.drop(len(self._outside) // 2 if self._outside.full else 0)
+        if self._from_parabola(self._outside, 0, len(self._outside)):
+            self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
+
+    def _take(self, time: float, camera: int, value: Array, root: Array) -> None:
+        if self._history.full:
+            self._make_room()
+        if self._history.add(time, camera, value, root):
+            self._changed = True
+            self.counts = replace(self.counts, taken=self.counts.taken + 1)
+
+    def _make_room(self) -> None:
+        """Let the older half of a full window go."""
+        self._update()
+        half = len(self._history) // 2
+        if self._history.full:
+            if self._track is not None and self._known:
+                self._shift(float(self._history.measurements.times[half]))
+            else:
+                self._history.drop(half)
+
+    def _update(self) -> None:
+        """Fit the ball to what has been seen, a few measurements at a time in order of their stamps."""
+        if not self._changed:
+            return
+        self._changed = False
+        while self._known or self._find():
+            times = self._history.measurements.times
+            end = min(len(times), int(np.searchsorted(times, self._fitted, side="right")) + BATCH)
+            if self._fit(end):
+                self._doubt(end)
+                if self._latest - self._track_start() > self.params.lag + SLACK:
+                    self._shift(self._latest - self.params.lag)
+            else:
+                self._known, self._track = False, None
+            times = self._history.measurements.times
+            if self._known and (len(times) == 0 or times[-1] <= self._fitted):
+                return
+
+    def _track_start(self) -> float:
+        """Return the start of the window in s."""
+        return self._track.prior.time if self._track is not None else -math.inf
+
+    def _fit(self, end: int) -> bool:
+        """Fit the track to the first `end` measurements; return whether there is one now."""
+        track = self._track
+        if track is None:
+            return False
+        seen, before = self._history.part(0, end), track.excess
+        track.excess = self._fit_from(track, seen)
+        if track.excess > before:
+            self._fit_again(track, seen)
+        if math.isnan(track.excess):
+            return False
+        used = seen.times[seen.used]
+        self._latest = max(track.prior.time, float(used[-1]) if len(used) else -math.inf)
+        self._fitted = max(track.prior.time, float(seen.times[-1]) if end else -math.inf)
+        return True
+
+    def _fit_from(self, track: _Track, seen: Measurements) -> float:
+        """Fit a track from its present unknowns to measurements; return the excess, NaN if there is no fit."""
+        return fit(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
+
+    def _fit_again(self, track: _Track, seen: Measurements) -> None:
+        """Look for a better fit from other spins: between slip and grip on the table the least squares have two valleys."""
+        best, spin = track, track.unknowns[SPIN].copy()
+        for share in OTHER_SPINS:
+            trial = _Track(track.prior, track.unknowns.copy(), workspace(self._unknowns))
+            trial.space.covariance[:] = track.space.covariance
+            trial.unknowns[SPIN] = share * spin
+            trial.unknowns[DRAG:PARAMETERS] = track.prior.mean[DRAG:PARAMETERS]
+            seen.used[:] = True
+            trial.excess = self._fit_from(trial, seen)
+            if trial.excess < best.excess or math.isnan(best.excess):
+                best = trial
+        track.unknowns, track.space, track.excess = best.unknowns, best.space, best.excess
+        seen.used[:] = True
+        track.excess = self._fit_from(track, seen)
+
+    def _find(self) -> bool:
+        """Look for a ball from the oldest measurements on, and forget those that cannot be of one; return whether there is a ball."""
+        while True:
+            times = self._history.measurements.times
+            last = cold_start.count_within(times)
+            if self._from_parabola(self._history, 0, last):
+                return True
+            if last == len(times):  # more may come
+                return False
+            self._history.drop(max(1, last // 4))
+
+    def _doubt(self, end: int) -> None:
+        """Look for another ball if the newest of the first `end` measurements do not fit the track."""
+        seen = self._history.part(0, end)
+        if end < RECENT or np.count_nonzero(~seen.used[-RECENT:]) < MISSED:
+            return
+        first = end - RECENT
+        while first > 0 and not seen.used[first - 1] and cold_start.count_within(seen.times[first - 1 :]) > end - first:
+            first -= 1
+        kept = seen.used.copy()
+        if self._from_parabola(self._history, first, end):
+            self.counts = replace(self.counts, restarts=self.counts.restarts + 1)
+        else:
+            seen.used[:] = kept
+
+    def _from_parabola(self, source: History, first: int, last: int) -> bool:
+        """Start a track from the measurements `first` to `last` - 1 of `source`, if they show a ball.
+
+        Measurements before are forgotten then, later ones are kept. If no ball is found nothing changes, but `used` of those looked at.
+        """
+        parabola = cold_start.find(source.part(first, last), self._cameras)
+        if parabola is None:
+            return False
+        seen = source.part(first, last)
+        before = (self._track, self._known, self._latest, self._fitted, self._history)
+        start = first + int(np.argmax(seen.used))
+        self._track, self._history = None, source.copy(start)
+        self._history.measurements.used[last - start :] = False
+        params = self.params
+        direction = parabola[3:] / max(1e-9, float(np.linalg.norm(parabola[3:])))
+        shape = np.eye(3) + (1.0 / params.spin_along**2 - 1.0) * np.outer(direction, direction)
+        covariance = np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, 0.0], 3) ** 2)
+        covariance[SPIN, SPIN] = params.spin_spread**2 * np.linalg.inv(shape)
+        track = self._begin(float(self._history.measurements.times[0]), np.concatenate([parabola, np.zeros(3)]), covariance, shape)
+        track.space.covariance[:] = 0.0  # at first nothing but what agrees with the parabola
+        if self._fit(last - start) and self._is_known(track):
+            self._known = True
+            self._outside.clear()
+            self.counts = replace(self.counts, balls=self.counts.balls + 1)
+            return True
+        self._track, self._known, self._latest, self._fitted, self._history = before
+        return False
+
+    def _is_known(self, track: _Track) -> bool:
+        """Tell whether place and velocity at the last measurement are known well enough."""
+        ball = self._predict(track, self._latest)
+        if ball is None or ball.covariance is None:
+            return False
+        place, speed = (math.sqrt(float(np.trace(ball.covariance[part, part]))) for part in (POSITION, VELOCITY))
+        return place < self.params.known_position and speed < self.params.known_speed
+
+    def _shift(self, until: float) -> None:
+        """Move the start of the window to `until` (s)."""
+        track = self._track
+        if track is None:
+            return
+        gone = int(np.searchsorted(self._history.measurements.times, until))
+        track.prior = shift(
+            track.unknowns,
+            track.prior,
+            until,
+            self._history.part(0, gone),
+            self._physics,
+            self._noise,
+            track.space,
+            track.excess,
+        )
+        self._history.drop(gone)
+
+
+def _covariance(name: str, value: Any, shape: tuple[int, int], least: float) -> Array:
+    """Return a checked covariance; its smallest eigenvalue must be above `least` times the largest (in units of its diagonal)."""
+    matrix = check_array(name, value, shape)
+    scale = float(np.abs(matrix).max())
+    if scale == 0.0 and least < 0.0:
+        return matrix
+    if not np.abs(matrix - matrix.T).max() <= 1e-6 * scale:
+        raise NotACovariance(name, math.nan)
+    values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
+    if not values[0] > least * max(abs(values[-1]), 1e-300) or (least == 0.0 and values[0] <= 1e-16):
+        raise NotACovariance(name, float(values[0]))
+    return matrix
+
+
+__all__ = ["NotACovariance", "TrackCounts", "Tracker"]

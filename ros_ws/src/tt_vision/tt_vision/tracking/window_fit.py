@@ -1,0 +1,441 @@
+"""Fit one flight to the measurements of a window of time: least squares about a prior at its start, by Gauss and Newton.
+
+All measurements of the window are predicted from the ball at its start, the anchor, through flight and bounces, with exact derivatives
+(`tt_core.tangents`). Compared with a filter that looks at each measurement once, nothing depends on the order in which measurements arrive,
+and nothing stays linearised at a poor first estimate. What leaves the window stays in the prior.
+
+The unknowns are those of `tt_core.tangents`, then, if cameras are not trusted to stand where they were calibrated, a constant error of u
+and v for each camera, in pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from tt_core.arrays import VX, WX, Array, X
+from tt_core.physics import physics_coefficients
+from tt_core.tangents import PARAMETERS, Scratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
+
+from ..projection import CameraModel, rotate, unpack_camera
+from .history import CAPACITY, POSITION, Measurements
+
+MOST_PASSES = 12  # of one fit
+HALVINGS = 5  # of a step that makes the fit worse
+DONE = 1e-3  # squared length of a step in standard deviations, below which it is the last one
+BEHIND = 1e6  # whitened residual of a ball behind a camera
+FARTHEST_STEP = 30.0  # standard deviations of the prior, of one step
+MEDIANS = np.array([1.0, 0.4549, 1.3863, 2.3660])  # of chi-square with 1, 2 and 3 degrees of freedom
+LEAST_EXCESS = 2.0  # ratio of residuals to their standard deviations, squared, above which the standard deviations are not believed
+MOST_EXCESS = 100.0  # of that ratio; above it the flight is another one
+ROUNDS = 4  # of fitting and gating
+VARIANCE_STEPS = 3  # of expectation and maximisation in each
+
+
+class Prior(NamedTuple):
+    """What was known before the window: a normal distribution of the unknowns.
+
+    Of a ball that nothing announced not even the order of its spin is known: opponents play 15 to 900 rad/s. The variance of the spin then
+    is one of the unknowns, with an inverse gamma distribution, so a ball without spin is soon known to have none, and one with much is not
+    drawn to zero.
+
+    Attributes:
+        time: s, of the unknowns.
+        mean: (n,).
+        information: (n, n), inverse of the covariance. Its part of the spin changes with the variance of the spin.
+        spin_shape: (3, 3), inverse of the covariance of the spin for a variance of 1; zero if the variance is not among the unknowns.
+        spin_variance: (rad/s)^2, before anything is seen.
+        spin_weight: Number of spin components that this variance counts as much as.
+    """
+
+    time: float
+    mean: Array
+    information: Array
+    spin_shape: Array
+    spin_variance: float
+    spin_weight: float
+
+
+class Workspace(NamedTuple):
+    """Results for each measurement, whitened, and the normal equations.
+
+    Attributes:
+        rows: (CAPACITY, 3, n) derivatives of the predictions.
+        residuals: (CAPACITY, 3) measured minus predicted.
+        normal: (n, n).
+        right: (n,).
+        covariance: (n, n) of the unknowns, after a fit.
+    """
+
+    rows: Array
+    residuals: Array
+    normal: Array
+    right: Array
+    covariance: Array
+
+
+def workspace(unknowns: int) -> Workspace:
+    """Return arrays for a number of unknowns."""
+    return Workspace(
+        np.zeros((CAPACITY, 3, unknowns)),
+        np.zeros((CAPACITY, 3)),
+        np.empty((unknowns, unknowns)),
+        np.empty(unknowns),
+        np.empty((unknowns, unknowns)),
+    )
+
+
+@njit(cache=True)
+def _predict_pixel(camera: CameraModel, place: Array, slopes: Array) -> tuple[float, float]:
+    """Return the pixel of a place (3,), and fill slopes (2, 3) with its derivatives; NaN behind the camera."""
+    turned, lens = camera.rotation, camera.optics
+    x, y, z = rotate(turned, place[0], place[1], place[2])
+    x, y, z = x + camera.tx, y + camera.ty, z + camera.tz
+    if z <= 1e-6:
+        return math.nan, math.nan
+    a, b = x / z, y / z
+    r2 = a * a + b * b
+    radial = 1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3))
+    bend = 2.0 * (lens.k1 + r2 * (2.0 * lens.k2 + 3.0 * r2 * lens.k3))
+    u = a * radial + 2.0 * lens.p1 * a * b + lens.p2 * (r2 + 2.0 * a * a)
+    v = b * radial + lens.p1 * (r2 + 2.0 * b * b) + 2.0 * lens.p2 * a * b
+    uu = radial + a * a * bend + 2.0 * lens.p1 * b + 6.0 * lens.p2 * a
+    uv = a * b * bend + 2.0 * lens.p1 * a + 2.0 * lens.p2 * b
+    vv = radial + b * b * bend + 6.0 * lens.p1 * b + 2.0 * lens.p2 * a
+    for k in range(3):
+        if k == 0:
+            dx, dy, dz = turned.xx, turned.yx, turned.zx
+        elif k == 1:
+            dx, dy, dz = turned.xy, turned.yy, turned.zy
+        else:
+            dx, dy, dz = turned.xz, turned.yz, turned.zz
+        da, db = (dx - a * dz) / z, (dy - b * dz) / z
+        slopes[0, k] = lens.focal * (uu * da + uv * db)
+        slopes[1, k] = lens.focal * (uv * da + vv * db)
+    return lens.focal * u + lens.u0, lens.focal * v + lens.v0
+
+
+@njit(cache=True)
+def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras: Array, unknowns: Array, space: Workspace) -> None:
+    """Fill residual and rows of measurement i for a ball at place (3,) with derivatives tangents (3, PARAMETERS)."""
+    rows, residual, root, value = space.rows[i], space.residuals[i], seen.roots[i], seen.values[i]
+    if seen.cameras[i] == POSITION:
+        for r in range(3):
+            residual[r] = 0.0
+            for k in range(r + 1):
+                residual[r] += root[r, k] * (value[k] - place[k])
+            for c in range(PARAMETERS):
+                rows[r, c] = 0.0
+                for k in range(r + 1):
+                    rows[r, c] += root[r, k] * tangents[k, c]
+        return
+    side, slopes = seen.cameras[i], np.empty((2, 3))
+    u, v = _predict_pixel(unpack_camera(cameras[side]), place, slopes)
+    if math.isnan(u):
+        rows[:] = 0.0
+        residual[0], residual[1], residual[2] = BEHIND, 0.0, 0.0
+        return
+    weight, biased = root[0, 0], len(unknowns) > PARAMETERS
+    bias = PARAMETERS + 2 * side
+    residual[0] = weight * (value[0] - u - (unknowns[bias] if biased else 0.0))
+    residual[1] = weight * (value[1] - v - (unknowns[bias + 1] if biased else 0.0))
+    residual[2] = 0.0
+    for r in range(2):
+        for c in range(PARAMETERS):
+            rows[r, c] = weight * (slopes[r, 0] * tangents[0, c] + slopes[r, 1] * tangents[1, c] + slopes[r, 2] * tangents[2, c])
+        for c in range(PARAMETERS, len(unknowns)):
+            rows[r, c] = 0.0
+        if biased:
+            rows[r, bias + r] = weight
+    rows[2] = 0.0
+
+
+@njit(cache=True)
+def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array, physics: Array, space: Workspace, air: Scratch) -> bool:
+    """Fill residuals and rows of all measurements, none of them before `start`; return False if the flight is not finite."""
+    models = with_factors(physics_coefficients(physics), unknowns)
+    state, tangents = unknowns[:9].copy(), np.empty((9, PARAMETERS))
+    start_tangents(tangents)
+    last, last_tangents = np.empty(9), np.empty((6, PARAMETERS))
+    place, moved = np.empty(3), np.empty((3, PARAMETERS))
+    now, i, n = start, 0, len(seen.times)
+    while i < n and seen.times[i] <= start:
+        _compare(state[:3], tangents[:3], i, seen, cameras, unknowns, space)
+        i += 1
+    end = seen.times[n - 1] if n > 0 else start
+    while i < n:
+        last[:] = state
+        last_tangents[:] = tangents[:6]
+        h, contact = advance(state, tangents, max(end - now, 1e-9), models, air)
+        for k in range(6):
+            if not abs(state[k]) < 1e3:
+                return False
+        while i < n and h > 0.0 and seen.times[i] <= now + h + 1e-12:
+            share = min(1.0, (seen.times[i] - now) / h)
+            left = 1.0 - share
+            # cubic Hermite interpolation, of the place and of its derivatives
+            a, b = (1.0 + 2.0 * share) * left * left, share * left * left * h
+            c, d = share * share * (3.0 - 2.0 * share), -share * share * left * h
+            for k in range(3):
+                place[k] = a * last[k] + b * last[VX + k] + c * state[k] + d * state[VX + k]
+                for p in range(PARAMETERS):
+                    moved[k, p] = a * last_tangents[k, p] + b * last_tangents[3 + k, p] + c * tangents[k, p] + d * tangents[3 + k, p]
+            _compare(place, moved, i, seen, cameras, unknowns, space)
+            i += 1
+        now += h
+        if contact:
+            bounce_now(state, tangents, models, air)
+    return True
+
+
+@njit(cache=True)
+def _accumulate(unknowns: Array, prior: Prior, seen: Measurements, excess: float, space: Workspace) -> float:
+    """Sum the normal equations over the prior and all used measurements; return the cost, a sum of squares."""
+    n = len(unknowns)
+    off = prior.mean - unknowns
+    space.normal[:] = prior.information
+    space.right[:] = prior.information @ off
+    cost = 0.0
+    for r in range(n):
+        cost += off[r] * space.right[r]
+    weight = 1.0 / excess
+    for i in range(len(seen.times)):
+        if not seen.used[i]:
+            continue
+        for m in range(3 if seen.cameras[i] == POSITION else 2):
+            row, residual = space.rows[i, m], space.residuals[i, m]
+            cost += weight * residual * residual
+            for r in range(n):
+                if row[r] != 0.0:
+                    scaled = weight * row[r]
+                    space.right[r] += scaled * residual
+                    for c in range(r, n):
+                        space.normal[r, c] += scaled * row[c]
+    for r in range(n):
+        for c in range(r):
+            space.normal[r, c] = space.normal[c, r]
+    return cost
+
+
+@njit(cache=True)
+def invert(matrix: Array) -> Array:
+    """Return the inverse of a symmetric positive definite matrix, scaled to a unit diagonal first."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse = np.linalg.inv(matrix * scale * scale.reshape(-1, 1))
+    inverse = inverse * scale * scale.reshape(-1, 1)
+    return 0.5 * (inverse + inverse.T)
+
+
+@njit(cache=True)
+def _distance(i: int, size: int, excess: float, covariance: Array, space: Workspace) -> float:
+    """Return the squared distance of measurement i from its prediction in standard deviations of their difference (Mahalanobis)."""
+    rows = space.rows[i, :size].copy()
+    spread = rows @ covariance @ rows.T
+    for k in range(size):
+        spread[k, k] += excess
+    residual = space.residuals[i, :size].copy()
+    return float(residual @ np.linalg.solve(spread, residual))
+
+
+@njit(cache=True)
+def _admit(seen: Measurements, gates: Array, excess: float, covariance: Array, space: Workspace) -> bool:
+    """Use those unused measurements that agree with the prediction; tell whether there are any."""
+    admitted = False
+    for i in range(len(seen.times)):
+        if not seen.used[i] and abs(space.residuals[i, 0]) < BEHIND:
+            size = 3 if seen.cameras[i] == POSITION else 2
+            if _distance(i, size, excess, covariance, space) < gates[size]:
+                seen.used[i] = True
+                admitted = True
+    return admitted
+
+
+@njit(cache=True)
+def _expel(seen: Measurements, gates: Array, excess: float, space: Workspace) -> bool:
+    """Do not use any longer what the fit does not agree with; tell whether there is any."""
+    expelled = False
+    for i in range(len(seen.times)):
+        if seen.used[i]:
+            r = space.residuals[i]
+            if r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > excess * gates[3 if seen.cameras[i] == POSITION else 2]:
+                seen.used[i] = False
+                expelled = True
+    return expelled
+
+
+@njit(cache=True)
+def _excess(seen: Measurements, space: Workspace) -> float:
+    """Return by which factor variances of measurements are larger than told; 1 unless the median residual says so clearly."""
+    n = len(seen.times)
+    if n == 0:
+        return 1.0
+    ratios = np.empty(n)
+    for i in range(n):
+        r = space.residuals[i]
+        ratios[i] = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / MEDIANS[3 if seen.cameras[i] == POSITION else 2]
+    found = float(np.median(ratios))
+    return found if LEAST_EXCESS < found < MOST_EXCESS else 1.0
+
+
+@njit(cache=True)
+def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, excess: float, space: Workspace) -> None:
+    """Find the variance of the spin by expectation and maximisation, and put it into the prior's information."""
+    spin = slice(WX, WX + 3)
+    for _ in range(VARIANCE_STEPS):
+        _accumulate(unknowns, prior, seen, excess, space)
+        w = unknowns[spin] + _newton_step(space)[spin]
+        spread = np.ascontiguousarray(invert(space.normal)[spin, spin])
+        total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spread)
+        variance = (total + prior.spin_weight * prior.spin_variance) / (3.0 + prior.spin_weight)
+        prior.information[spin, spin] = prior.spin_shape / variance
+
+
+@njit(cache=True)
+def _newton_step(space: Workspace) -> Array:
+    """Return the step (n,) that solves the normal equations."""
+    step = np.empty_like(space.right)
+    step[:] = np.linalg.solve(space.normal, space.right)
+    return step
+
+
+@njit(cache=True)
+def _move(unknowns: Array, delta: Array, count: int, space: Workspace) -> None:
+    """Add delta to the unknowns, and to first order to the residuals of `count` measurements."""
+    unknowns += delta
+    for i in range(count):
+        for m in range(3):
+            space.residuals[i, m] -= space.rows[i, m] @ delta
+
+
+@njit(cache=True)
+def _converge(
+    unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, excess: float, space: Workspace, air: Scratch
+) -> bool:
+    """Move the unknowns to the least cost; False if no step leads to a finite flight. Residuals are those after the last step."""
+    n = len(seen.times)
+    if not _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
+        return False
+    cost = _accumulate(unknowns, prior, seen, excess, space)
+    for _ in range(MOST_PASSES):
+        delta = _newton_step(space)
+        size = float(delta @ space.normal @ delta)
+        if size < DONE:
+            _move(unknowns, delta, n, space)
+            return True
+        far = float(delta @ prior.information @ delta)
+        share = 1.0 if far < FARTHEST_STEP**2 else FARTHEST_STEP / math.sqrt(far)
+        here = unknowns.copy()
+        for _ in range(HALVINGS):
+            unknowns[:] = here + share * delta
+            if _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
+                new = _accumulate(unknowns, prior, seen, excess, space)
+                if new <= cost + 1e-6:
+                    break
+            share *= 0.5
+        else:
+            unknowns[:] = here
+            if not _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
+                return False
+            _accumulate(unknowns, prior, seen, excess, space)
+            return True
+        small = cost - new < DONE
+        cost = new
+        if small:
+            return True
+    return True
+
+
+@njit(cache=True)
+def fit(
+    unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, gates: Array, space: Workspace, excess: float
+) -> float:
+    """Fit the unknowns, and choose the measurements that are used.
+
+    An unused measurement is admitted if it agrees with what the others predict (chi-square of its distance). A used one is expelled if the
+    fit does not agree with it. Both are asked again for every measurement of the window in every fit, so a mistake does not last.
+
+    Args:
+        unknowns: (n,) at the prior's time, changed in place.
+        prior: Before the window.
+        seen: The measurements, `used` changed in place.
+        cameras: (c, 20) `Camera.vector`.
+        physics: (19,) `Physics.coefficients`.
+        gates: (4,) `TrackerParams.gates`.
+        space: Filled; its `covariance` must hold that of the unknowns without the unused measurements.
+        excess: Factor by which variances of measurements were larger than told, of the last fit; 1 for the first.
+
+    Returns:
+        This factor now; NaN if there is no fit.
+    """
+    air = scratch()
+    if not _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
+        return math.nan
+    _admit(seen, gates, excess, space.covariance, space)
+    learns = prior.spin_shape[0, 0] > 0.0
+    for k in range(ROUNDS):
+        if learns:
+            _learn_spin_variance(unknowns, prior, seen, excess, space)
+        if not _converge(unknowns, prior, seen, cameras, physics, excess, space, air):
+            return math.nan
+        found = _excess(seen, space)
+        different = found > 1.25 * excess or found < 0.8 * excess
+        excess = found if different else excess
+        if learns:  # a spin that cannot be seen yet may still be large: the covariance is that for the first variance
+            space.normal[WX : WX + 3, WX : WX + 3] += prior.spin_shape / prior.spin_variance - prior.information[WX : WX + 3, WX : WX + 3]
+        space.covariance[:] = invert(space.normal)
+        changed = _expel(seen, gates, excess, space)
+        if k < ROUNDS - 1 and not changed:
+            changed = _admit(seen, gates, excess, space.covariance, space)
+        if not changed and not different:
+            break
+    return excess if np.isfinite(unknowns).all() and np.isfinite(space.covariance).all() else math.nan
+
+
+@njit(cache=True)
+def shift(
+    unknowns: Array, prior: Prior, until: float, gone: Measurements, physics: Array, noise: Array, space: Workspace, excess: float
+) -> Prior:
+    """Move the start of the window, and put what leaves it into the prior (marginalisation).
+
+    Args:
+        unknowns: (n,) fitted, at the prior's time; moved to `until`.
+        prior: Of the fit.
+        until: s, new start of the window.
+        gone: The first measurements of the fit: those before `until`.
+        physics: (19,) `Physics.coefficients`.
+        noise: (2,) power densities of acceleration and of change of spin.
+        space: Of the fit; its covariance moves along.
+        excess: Of the fit.
+
+    Returns:
+        The prior at `until`.
+    """
+    n = len(unknowns)
+    _accumulate(unknowns, prior, gone, excess, space)
+    before = invert(space.normal)
+    pull = before @ space.right
+    flow = np.eye(n)
+    models, state, tangents = with_factors(physics_coefficients(physics), unknowns), unknowns[:9].copy(), np.empty((9, PARAMETERS))
+    start_tangents(tangents)
+    fly_through(state, tangents, until - prior.time, models, scratch())
+    flow[:9, :PARAMETERS] = tangents
+    unknowns[:9] = state
+    covariance = flow @ before @ flow.T
+    add_noise(covariance, until - prior.time, noise)
+    space.covariance[:] = flow @ space.covariance @ flow.T
+    add_noise(space.covariance, until - prior.time, noise)
+    known = invert(0.5 * (covariance + covariance.T))
+    return Prior(until, unknowns + flow @ pull, known, np.zeros((3, 3)), 0.0, 0.0)
+
+
+@njit(cache=True)
+def add_noise(covariance: Array, duration: float, noise: Array) -> None:
+    """Add to a covariance what unknown accelerations and changes of spin do in a duration (s); noise (2,): their power densities."""
+    for k in range(3):
+        covariance[X + k, X + k] += noise[0] * duration**3 / 3.0
+        covariance[X + k, VX + k] += noise[0] * duration**2 / 2.0
+        covariance[VX + k, X + k] += noise[0] * duration**2 / 2.0
+        covariance[VX + k, VX + k] += noise[0] * duration
+        covariance[WX + k, WX + k] += noise[1] * duration
