@@ -120,7 +120,7 @@ def test_it_stops_before_it_touches(degrees, obstacle, base_z):
     since = state.time
     while np.abs(state.qdot).max() > 1e-3:
         state = plant.advance(state, guard.stop(state.time), TICK)
-    assert clearance(state.q, model.chain)[0] > 0.0
+    assert clearance(state.q, model.bodies)[0] > 0.0
     assert state.time - since < 0.40  # s; 2 pi rad/s at 20 rad/s^2 take 0.31
     back = 0.3 * (np.radians(degrees) - state.q) / np.abs(np.radians(degrees) - state.q).max()
     for k in range(20):  # and it may go back

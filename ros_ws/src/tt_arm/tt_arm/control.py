@@ -87,7 +87,7 @@ class ControlStep:
     """What follows from one joint state.
 
     Attributes:
-        command: (7,) rad/s.
+        command: (n,) rad/s.
         reason: Why it is not what the swing wants, or None.
         begun: The swing that begins with this command, or None.
         interrupted: Whether a stroke was given up because of a gap; its strokes may be taken again.
@@ -289,7 +289,7 @@ class ArmControl:
             now: s, monotonic.
 
         Returns:
-            The next command (7,) rad/s of a stop, or zero if not even that can be computed.
+            The next command (n,) rad/s of a stop, or zero if not even that can be computed.
         """
         failure = Failure(ArmStop.INTERNAL, error=f"{type(error).__name__}: {error}")
         self._forget()
@@ -406,14 +406,14 @@ def warm(model: ArmModel) -> None:
     """Compile every kernel of the arm, or load it from the cache, so that none is compiled while a ball flies."""
     control = ArmControl(model)
     control.enable(True)
-    joints = Joints(0.0, model.waiting, np.zeros(7))
+    joints = Joints.at_rest(0.0, model.waiting)
     control.step(joints)
     racket = RacketState(0.5, np.array([-0.15, 0.70, 0.25]), np.array([1.48, 0.095, 1.41]), -0.011, 0.792)  # Table 4.3 case 1
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
-    control.step(Joints(0.002, model.waiting, np.zeros(7)))
+    control.step(Joints.at_rest(0.002, model.waiting))
     for time in (0.004, 0.006):  # kernels that only a moving arm needs
-        control.guard.check(Joints(time, joints.q, joints.qdot), np.full(7, 0.01), time)
+        control.guard.check(Joints(time, joints.q, joints.qdot), np.full(len(joints.q), 0.01), time)
     for method in ("near", "liu"):
         reach(model, racket, model.waiting, method=method)
     for profile in ("quintic", "trapezoid", "polyline"):

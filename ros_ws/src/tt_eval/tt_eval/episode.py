@@ -149,7 +149,7 @@ class Episode:
         path: As the robot has predicted it.
         candidates: Strokes.
         choice: What the arm made of them.
-        joints: (n, 15) time (s), q (rad) and qdot (rad/s) of every tick; at a rate, from the ball's launch on.
+        joints: (n, 1 + 2 joints) time (s), q (rad or m) and qdot of every tick; at a rate, from the ball's launch on.
     """
 
     trial: Trial
@@ -248,7 +248,7 @@ def _arm() -> ArmModel:
 @functools.cache
 def _rest() -> Swing:
     """Return what the arm follows while it waits, from 0 s on."""
-    return plan_swing(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
+    return plan_swing(_arm(), Joints.at_rest(0.0, _arm().waiting), None, 0.0)
 
 
 def _aimed(camera: Camera, ball: BallState) -> Camera:
@@ -357,7 +357,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
     tick, choice, time = trial.scenario.tick, None, 0.0
     if plan.candidates is not None and plan.due < LONGEST:
         time = tick * np.ceil(plan.due / tick)
-        control.joints = Joints(time, control.model.waiting, np.zeros(7))
+        control.joints = Joints.at_rest(time, control.model.waiting)
         control.swing = replace(_rest(), start=control.joints, end_time=time)
         choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
@@ -371,7 +371,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
     """Play balls in the order of their launches, until nothing more happens to any; rng: of the encoders."""
     tick_time, model = trials[0].scenario.tick, control.model
-    robot = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
+    robot = SimulatedRobot(trials[0].physics, plant, Joints.at_rest(-tick_time, model.waiting), tick_time)
     outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
     record, open_plans = list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
 
@@ -384,7 +384,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
         ends.update({outcomes.index(outcome): len(record) for outcome in tick.ended})
         return tick.joints
 
-    for joints, _ in arm_ticks(control, plant, advance(np.zeros(7)), tick_time, rng, advance):
+    for joints, _ in arm_ticks(control, plant, advance(np.zeros(len(model.names))), tick_time, rng, advance):
         if len(ends) == len(trials):
             break
         while open_plans and plans[open_plans[0]].due <= joints.time:
