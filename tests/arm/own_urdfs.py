@@ -72,9 +72,9 @@ SIX = robot(  # skew and unnormalised axes, continuous joints, a gripper with a 
 
 EIGHT = robot(  # two linear axes below a six-joint arm
     link("frame", 0.1, 0.05, 20.0),
-    joint("x", "prismatic", "frame", "beam", axis="1 0 0", limit=(-0.4, 0.4, 2.5, 900)),
+    joint("x", "prismatic", "frame", "beam", xyz="0 0 0.2", axis="1 0 0", limit=(-0.4, 0.4, 2.5, 900)),
     link("beam", 0.1, 0.05, 8.0),
-    joint("y", "prismatic", "beam", "carriage", xyz="0 0 0.1", axis="0 1 0", limit=(-0.7, 0.7, 3.0, 700)),
+    joint("y", "prismatic", "beam", "carriage", xyz="0 0 0.2", axis="0 1 0", limit=(-0.7, 0.7, 3.0, 700)),
     link("carriage", 0.1, 0.06, 4.0),
     joint("j1", "revolute", "carriage", "l1", xyz="0 0 0.1", axis="0 0 1", limit=(-3.0, 3.0, 5, 200)),
     link("l1", 0.1, 0.05, 2.0),
@@ -108,7 +108,7 @@ GANTRY = robot(  # five joints, two of them linear, and a second branch with a j
 
 ARMS = {  # text, tip, mount, joints
     "five": (FIVE, "hand", (0.0, 0.0, 0.15, 0.0, 0.0, 0.0), 5),
-    "six": (SIX, "tool0", (0.0, 0.0, 0.12, 1.2, 0.3, 0.0), 6),
+    "six": (SIX, "tool0", (0.0, 0.25, 0.0, 1.2, 0.3, 0.0), 6),
     "eight": (EIGHT, "flange", (0.15, 1.5707963267948966), 8),
     "gantry": (GANTRY, "tip", (0.1, 1.5707963267948966), 5),
 }

@@ -1,8 +1,8 @@
 """Which bodies of an arm must be kept from touching each other.
 
 Bodies on the same link, and bodies with one joint between them, meet at that joint, whose limits keep them apart. A joint about whose axis
-a body lies does not count: it does not move the body. Bodies that overlap in most postures are neighbours too: the joints between them share
-a place. Bodies that stay apart whatever the joints between them do are not compared either.
+a body lies does not count: it does not move the body. Bodies that overlap in most postures, or are near each other in nearly all, are
+neighbours too: the joints between them share a place, as in a wrist, and capsules are too coarse to tell whether they touch. Bodies that stay apart whatever the joints between them do are not compared either.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from .clearance import Pairs, Places, between_segments, from_segment, places
 ABOUT = 1e-3  # m from an axis, within which a body lies along it
 POSTURES = 500  # random ones that are looked at
 MOSTLY = 0.5  # share of the postures in which neighbours overlap at least; bodies that do so less can be kept apart
+NEAR, NEARLY_ALL = 0.05, 0.95  # m, and share of the postures, in which neighbours are within this distance
 APART = 0.05  # m, clearance of bodies that need not be compared
 MOST_LOOKS = 2000  # at ranges of postures, after which bodies are compared because it is not known that they stay apart
 
@@ -93,7 +94,8 @@ def find_pairs(bodies: Bodies, position: Array) -> Pairs:
     postures = np.random.default_rng(0).uniform(position[:, 0], position[:, 1], (POSTURES, n))
     distances = pair_distances(postures, candidates, bodies)
     order = np.argsort(np.median(distances, axis=0))
-    candidates = candidates[[p for p in order if (distances[:, p] <= 0.0).mean() < MOSTLY]]
+    neighbours = ((distances <= 0.0).mean(axis=0) >= MOSTLY) | ((distances <= NEAR).mean(axis=0) >= NEARLY_ALL)
+    candidates = candidates[[p for p in order if not neighbours[p]]]
     ranges = np.abs(position).max(axis=1)
     kept = []
     for m, k in candidates:
