@@ -17,6 +17,7 @@ from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array, RacketState
 
+from . import dissertation
 from .joints import Joints
 from .model import ArmModel
 from .reach import Reach, ReachParams, reach
@@ -408,13 +409,17 @@ def warm(model: ArmModel) -> None:
     control.enable(True)
     joints = Joints.at_rest(0.0, model.waiting)
     control.step(joints)
-    racket = RacketState(0.5, np.array([-0.15, 0.70, 0.25]), np.array([1.48, 0.095, 1.41]), -0.011, 0.792)  # Table 4.3 case 1
+    middle = model.position_limits.mean(axis=1)
+    near = model.waiting + np.clip(0.2 * (middle - model.waiting), -0.1, 0.1)  # rad or m
+    position, rotation = model.racket(near)
+    velocity = model.jacobian(near)[:3] @ (0.1 * model.speed_limits)
+    racket = RacketState.facing(0.5, position, velocity, rotation[:, 2])
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
     control.step(Joints.at_rest(0.002, model.waiting))
     for time in (0.004, 0.006):  # kernels that only a moving arm needs
         control.guard.check(Joints(time, joints.q, joints.qdot), np.full(len(joints.q), 0.01), time)
-    for method in ("near", "liu"):
+    for method in ("near", "liu") if len(model.names) == dissertation.JOINTS else ("near",):
         reach(model, racket, model.waiting, method=method)
     for profile in ("quintic", "trapezoid", "polyline"):
         plan(model, joints, None, 0.0, SwingLimits(profile=profile))

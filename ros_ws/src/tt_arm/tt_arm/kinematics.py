@@ -62,7 +62,7 @@ class Bodies(NamedTuple):
     rim: float
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def move_frame(i: int, q: float, linear: bool, placed: Array, at: Array, point: Array, rotation: Array) -> None:
     """Turn point (3,) and rotation (3, 3) of the frame before joint i into those of its own frame, in place.
 
@@ -87,7 +87,7 @@ def move_frame(i: int, q: float, linear: bool, placed: Array, at: Array, point: 
             point[k] += q * z
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def begin_frame(point: Array, rotation: Array) -> None:
     """Fill point (3,) and rotation (3, 3) of the frame `table`."""
     for k in range(3):
@@ -96,7 +96,7 @@ def begin_frame(point: Array, rotation: Array) -> None:
             rotation[k, j] = 1.0 if j == k else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def mount_racket(mount: Array, beyond: Array, point: Array, rotation: Array) -> None:
     """Turn point (3,) and rotation (3, 3) of the frame of the last joint into those of the racket, in place."""
     for k in range(3):
@@ -144,7 +144,7 @@ def forward(q: Array, chain: Chain) -> tuple[Array, Array, Array]:
     return point, rotation, jacobian
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def place_bodies(q: Array, bodies: Bodies, starts: Array, ends: Array, point: Array, rotation: Array) -> None:
     """Fill where the bodies are.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from tt_core.errors import check_array
+from tt_core.errors import BadChoice, check_array
 from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array, RacketState
@@ -208,9 +208,12 @@ def reach(
     Raises:
         BadShape: An array has another shape.
         NotFinite: A number is NaN or infinite.
+        BadChoice: The dissertation's method is asked of an arm without seven joints.
     """
     n = len(model.names)
     seed, limits = check_array("seed", seed, (n,)).copy(), limits or model.limits
+    if method == "liu" and n != dissertation.JOINTS:
+        raise BadChoice("method", method, METHODS[:2])
     if method == "best":
         speeds = np.zeros(n) if qdot is None else check_array("qdot", qdot, (n,))
         return _searched(model, racket, np.array([seed, speeds, model.waiting]), params or ReachParams(), limits)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from tt_arm.arm_file import load_arm
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
@@ -241,14 +242,14 @@ def _texture(seed: int) -> Texture:
 
 
 @functools.cache
-def _arm() -> ArmModel:
-    return ArmModel.pa10()
+def _arm(name: str) -> ArmModel:
+    return load_arm(name)
 
 
 @functools.cache
-def _rest() -> Swing:
+def _rest(model: ArmModel) -> Swing:
     """Return what the arm follows while it waits, from 0 s on."""
-    return plan_swing(_arm(), Joints.at_rest(0.0, _arm().waiting), None, 0.0)
+    return plan_swing(model, Joints.at_rest(0.0, model.waiting), None, 0.0)
 
 
 def _aimed(camera: Camera, ball: BallState) -> Camera:
@@ -325,7 +326,7 @@ def play(scenario: Scenario, seed: int) -> Episode:
     if scenario.balls > 1:
         return session(scenario, seed // scenario.balls)[seed % scenario.balls]
     trial = Trial.drawn(scenario, seed)
-    plan, control, plant = Plan.of(trial), _control(scenario.robot), Plant(_arm(), scenario.world.plant)
+    plan, control, plant = Plan.of(trial), _control(scenario), Plant(_arm(scenario.arm), scenario.world.plant)
     done = _swiftly(trial, control, plant, plan)
     return _episode(trial, plan, *done) if done else _tick_by_tick([trial], [plan], control, plant, trial.rng)[0]
 
@@ -335,12 +336,12 @@ def session(scenario: Scenario, number: int) -> list[Episode]:
     first, period = number * scenario.balls, 60.0 / scenario.launcher.rate if scenario.launcher.rate else 0.0
     trials = [Trial.drawn(scenario, first + i, i * period) for i in range(scenario.balls)]
     plans = [Plan.of(trial) for trial in trials]
-    plant = Plant(_arm(), scenario.world.plant)
-    return _tick_by_tick(trials, plans, _control(scenario.robot), plant, np.random.default_rng([first, 2]))
+    plant = Plant(_arm(scenario.arm), scenario.world.plant)
+    return _tick_by_tick(trials, plans, _control(scenario), plant, np.random.default_rng([first, 2]))
 
 
-def _control(robot: Robot) -> ArmControl:
-    control = ArmControl(_arm(), selection=SelectionParams(method=robot.reach))
+def _control(scenario: Scenario) -> ArmControl:
+    control = ArmControl(_arm(scenario.arm), selection=SelectionParams(method=scenario.robot.reach))
     control.enable(True)
     return control
 
@@ -358,7 +359,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
     if plan.candidates is not None and plan.due < LONGEST:
         time = tick * np.ceil(plan.due / tick)
         control.joints = Joints.at_rest(time, control.model.waiting)
-        control.swing = replace(_rest(), start=control.joints, end_time=time)
+        control.swing = replace(_rest(control.model), start=control.joints, end_time=time)
         choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
     done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)

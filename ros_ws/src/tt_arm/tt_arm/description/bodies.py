@@ -22,6 +22,7 @@ from .urdf import Description, UrdfError, UrdfFailure, numbers
 STRIPS = 4  # capsules side by side, at most, that bound one box
 MOST_SPLITS = 2  # times that a mesh is halved, so up to 4 capsules bound it
 WORTH = 0.7  # of the volume of one capsule: two that take less replace it
+LITTLE_MORE = 1.3  # of the volume of two capsules: one that takes less replaces both
 SLACK = 1e-9  # m, added to a radius that is computed from points, for rounding
 SHAPES = {"sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "box": ("size",), "mesh": ()}
 
@@ -105,6 +106,30 @@ def around_mesh(vertices: Array, corners: npt.NDArray[np.int64], splits: int = M
         return [one]
     parts = [*around_mesh(vertices, corners[first], splits - 1), *around_mesh(vertices, corners[~first], splits - 1)]
     return parts if sum(part.volume for part in parts) < WORTH * one.volume else [one]
+
+
+def around_both(one: Capsule, other: Capsule) -> Capsule:
+    """Return a capsule around two: its segment joins the two ends that are furthest from each other."""
+    ends = [(end, capsule.radius) for capsule in (one, other) for end in (capsule.start, capsule.end)]
+    start, end = max(((a, b) for a, _ in ends for b, _ in ends), key=lambda pair: float(np.linalg.norm(pair[1] - pair[0])))
+    way = end - start
+    square = max(float(way @ way), 1e-12)
+    off = [float(np.linalg.norm(at - start - min(1.0, max(0.0, float((at - start) @ way) / square)) * way)) + radius for at, radius in ends]
+    return Capsule(start, end, max(off))
+
+
+def merged(parts: list[Capsule]) -> list[Capsule]:
+    """Return fewer capsules around the same bodies: two are replaced by one where that takes little more volume."""
+    parts = list(parts)
+    while len(parts) > 1:
+        best, i, k = min(
+            (around_both(parts[i], parts[k]).volume / (parts[i].volume + parts[k].volume), i, k) for k in range(len(parts)) for i in range(k)
+        )
+        if best > LITTLE_MORE:
+            break
+        both = around_both(parts[i], parts[k])
+        parts = [part for m, part in enumerate(parts) if m not in (i, k)] + [both]
+    return parts
 
 
 def capsules(description: Description) -> dict[str, list[Capsule]]:

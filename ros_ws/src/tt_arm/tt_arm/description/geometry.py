@@ -13,10 +13,11 @@ from tt_core.states import Array
 
 from ..dynamics import Links
 from ..kinematics import Bodies, Chain
-from .bodies import Capsule
+from .bodies import Capsule, merged
 from .urdf import RACKET
 
 BLADE_ALLOWANCE = 0.005  # m beyond the racket's radius: a blade is 157 mm long and 150 mm wide, and the disc has the width
+ABOUT = 1e-3  # m from an axis, within which a body lies along it
 RIM = RACKET_RADIUS + BLADE_ALLOWANCE  # m
 HANDLE_RADIUS = 0.018  # m, half the width of a usual handle
 
@@ -92,9 +93,9 @@ def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, 
         place = frame.placement if owner < 0 else frames.own[owner].inverse() * frame.placement
         if link == RACKET:  # what is within the disc is the blade
             parts = [part for part in parts if max(np.hypot(*part.start[:2]), np.hypot(*part.end[:2])) + part.radius > RIM]
-        owned += [(owner, part.moved(place)) for part in parts]
-    owned += [(n - 1, capsule) for capsule in _handle(model, frames, joints.mount_position)]
-    owned.sort(key=lambda pair: pair[0])
+        owned += [_inwards(owner, part.moved(place), frames) for part in parts]
+    owned += [_inwards(n - 1, capsule, frames) for capsule in _handle(model, frames, joints.mount_position)]
+    owned = [(owner, capsule) for owner in range(-1, n) for capsule in merged([c for own, c in owned if own == owner])]
     count = len(owned)
     unfinished = Bodies(
         chain=joints,
@@ -109,6 +110,13 @@ def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, 
     )
     ranges = np.maximum(np.abs(model.lowerPositionLimit), np.abs(model.upperPositionLimit))
     return unfinished._replace(levers=_levers(unfinished, ranges))
+
+
+def _inwards(owner: int, capsule: Capsule, frames: Frames) -> tuple[int, Capsule]:
+    """Return the joint that moves a capsule of the joint `owner`, and the capsule in its frame: a turn about its own axis does not move it."""
+    while owner >= 0 and not frames.linear[owner] and max(np.hypot(*capsule.start[:2]), np.hypot(*capsule.end[:2])) < ABOUT:
+        capsule, owner = capsule.moved(frames.placements[owner]), owner - 1
+    return owner, capsule
 
 
 def _handle(model: pin.Model, frames: Frames, face: Array) -> list[Capsule]:

@@ -19,12 +19,13 @@ from .closed_form import ElbowArm, inverse
 from .posture_cost import (
     BestPosture,
     JointTasks,
+    PostureQuestion,
     PostureTask,
     Scratch,
+    cost_of_joints,
     cost_scratch,
     joint_tasks,
     nearest_turn,
-    posture_cost,
     posture_weights,
 )
 
@@ -45,16 +46,19 @@ class Face(NamedTuple):
     velocity: Array  # (3,) m/s, of the face centre
 
 
-class ElbowTask(NamedTuple):
-    """What is asked, the arm, and working memory."""
+class WantedFace(NamedTuple):
+    """Where the face is wanted, and working memory."""
 
     position: Array  # (3,) m, face centre
     rotation: Array  # (3, 3) of the racket; its turn about z is free
-    task: PostureTask
-    arm: ElbowArm
-    chain: Chain
-    turned: Array  # (3, 3) rotation of the racket
-    scratch: Scratch
+    turned: Array  # (3, 3) the same after its turn
+
+
+class Freedoms(NamedTuple):
+    """Values of both freedoms."""
+
+    turn: float  # rad, of the racket about its normal
+    swivel: float  # rad, of the elbow
 
 
 class RefinedPosture(NamedTuple):
@@ -97,45 +101,67 @@ def _choose_branch(q: Array, joints: JointTasks) -> float:
 
 
 @njit(cache=True, inline="always")
-def _place(turn: float, swivel: float, elbow: ElbowTask, q: Array) -> float:
+def _place(at: Freedoms, face: WantedFace, joints: JointTasks, arm: ElbowArm, q: Array) -> float:
     """Fill q (7,) with the posture for both freedoms.
 
     Returns:
         The time (s) to it at full speed; inf if it is out of reach.
     """
-    c, s = math.cos(turn), math.sin(turn)
-    rotation, turned = elbow.rotation, elbow.turned
+    c, s = math.cos(at.turn), math.sin(at.turn)
+    rotation, turned = face.rotation, face.turned
     for k in range(3):
         turned[k, 0], turned[k, 1] = c * rotation[k, 0] + s * rotation[k, 1], c * rotation[k, 1] - s * rotation[k, 0]
         turned[k, 2] = rotation[k, 2]
-    if not inverse(elbow.position, turned, swivel, elbow.arm, q):
+    if not inverse(face.position, turned, at.swivel, arm, q):
         return math.inf
-    return _choose_branch(q, elbow.task.joints)
+    return _choose_branch(q, joints)
+
+
+class Posture(NamedTuple):
+    """A posture with its joint speeds."""
+
+    q: Array  # (7,) rad
+    qdot: Array  # (7,) rad/s
+
+
+class Elbow(NamedTuple):
+    """What all steps of a search share."""
+
+    face: WantedFace
+    task: PostureTask
+    arm: ElbowArm
+    chain: Chain
+    scratch: Scratch
 
 
 @njit(cache=True)
-def _posture(turn: float, swivel: float, elbow: ElbowTask, bound: float, q: Array, qdot: Array) -> float:
-    """Fill q (7,) rad and qdot (7,) rad/s of the best posture for both freedoms.
+def _posture(
+    at: Freedoms, face: WantedFace, task: PostureTask, arm: ElbowArm, chain: Chain, scratch: Scratch, bound: float, posture: Posture
+) -> float:
+    """Fill the best posture for both freedoms.
 
     Args:
-        turn: rad, of the racket about its normal.
-        swivel: rad, of the elbow.
-        elbow: What is asked.
+        at: Values of the freedoms.
+        face: Where the face is wanted.
+        task: What is asked.
+        arm: The geometry in closed form.
+        chain: The geometry.
+        scratch: Working memory.
         bound: Cost that the posture must stay below.
-        q: (7,) rad; filled.
-        qdot: (7,) rad/s; filled.
+        posture: Filled.
 
     Returns:
         The cost; inf as soon as it is known to reach `bound`, or if there is no such posture.
     """
-    nearest = _place(turn, swivel, elbow, q)
-    return math.inf if nearest == math.inf else posture_cost(q, nearest, elbow.task, bound, elbow.chain, False, qdot, elbow.scratch)
+    q, qdot = posture
+    nearest = _place(at, face, task.joints, arm, q)
+    if nearest == math.inf:
+        return math.inf
+    return cost_of_joints(7, q, PostureQuestion(nearest, bound, False), task, chain, qdot, scratch)
 
 
 @njit(cache=True)
-def _descend(
-    turn: float, swivel: float, size: float, elbow: ElbowTask, best: RefinedPosture
-) -> RefinedPosture:
+def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: RefinedPosture) -> RefinedPosture:
     """Refine a posture by a compass search with steps that halve.
 
     Args:
@@ -145,15 +171,16 @@ def _descend(
         elbow: What is asked.
         best: The best refined posture so far. The search ends where that one was found, and when it cannot become better.
     """
+    face, task, arm, chain, scratch = elbow
     here_q, here_qdot, q, qdot = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
-    here = _posture(turn, swivel, elbow, math.inf, here_q, here_qdot)
+    here = _posture(Freedoms(turn, swivel), face, task, arm, chain, scratch, math.inf, Posture(here_q, here_qdot))
     for _ in range(MOST_STEPS):
         if size <= STEP_LEAST:
             break
         moved = False
         for du, dv in DIRECTIONS:
             u, v = turn + du * size, swivel + dv * size
-            cost = _posture(u, v, elbow, here, q, qdot)
+            cost = _posture(Freedoms(u, v), face, task, arm, chain, scratch, here, Posture(q, qdot))
             if cost < here:
                 here, turn, swivel, moved = cost, u, v, True
                 here_q[:], here_qdot[:] = q, qdot
@@ -182,13 +209,16 @@ def elbow_search(
         chain: The geometry.
     """
     task = PostureTask(face.velocity, joint_tasks(start, limits), posture_weights(weights))
-    elbow = ElbowTask(face.position, face.rotation, task, arm, chain, np.empty((3, 3)), cost_scratch(7))
+    wanted, scratch = WantedFace(face.position, face.rotation, np.empty((3, 3))), cost_scratch(7)
+    elbow = Elbow(wanted, task, arm, chain, scratch)
     costs, least, step = np.empty((grid, grid)), math.inf, 2.0 * math.pi / grid
     q, qdot = np.empty(7), np.empty(7)
     for n in range(grid * grid):
         at = SCATTERED * n % (grid * grid)
         i, j = at // grid, at % grid
-        costs[i, j] = _posture(i * step, j * step, elbow, least + CLOSE, q, qdot)
+        costs[i, j] = _posture(
+            Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + CLOSE, Posture(q, qdot)
+        )
         least = min(least, costs[i, j])
     best = RefinedPosture(math.inf, math.inf, math.inf, start[0].copy(), np.zeros(7))
     for _ in range(STARTS):

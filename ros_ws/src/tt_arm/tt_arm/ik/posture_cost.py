@@ -138,11 +138,11 @@ def nearest_turn(q: float, start: float, low: float, high: float) -> float:
     return q
 
 
-@njit(cache=True)
-def _limit_cost(q: Array, qdot: Array, joints: JointTasks, margin: float, hold: float) -> float:
+@njit(cache=True, inline="always")
+def _limit_cost(n: int, q: Array, qdot: Array, joints: JointTasks, margin: float, hold: float) -> float:
     """Return the cost of joints without room to brake before a position limit, at once or after holding their speed for `hold` (s)."""
     cost = 0.0
-    for i in range(len(q)):
+    for i in range(n):
         joint = joints[i]
         room = min(qdot[i] ** 2 / (2.0 * joint.acceleration), 0.2 * (joint.high - joint.low)) + margin
         cost += LIMIT_COST * max(0.0, joint.low + room - q[i], q[i] - joint.high + room)
@@ -151,53 +151,53 @@ def _limit_cost(q: Array, qdot: Array, joints: JointTasks, margin: float, hold: 
     return cost
 
 
-@njit(cache=True)
-def _largest(shares: Array) -> float:
+@njit(cache=True, inline="always")
+def _largest(n: int, shares: Array) -> float:
     most = 0.0
-    for i in range(len(shares)):
+    for i in range(n):
         most = max(most, abs(shares[i]))
     return most
 
 
 @njit(cache=True, inline="always")
-def _hold_face_still(scratch: Scratch, affordable: float) -> bool:
+def _hold_face_still(n: int, scratch: Scratch, affordable: float) -> bool:
     """Fill `scratch.steady` with the shares that keep the face as still as `affordable` allows; the face centre moves alike.
 
     Returns:
         Whether there are any.
     """
     shares, steady = scratch.shares, scratch.steady
-    if _largest(shares) > affordable or least_shares_steady(scratch.scaled, scratch.wanted, steady) == math.inf:
+    if _largest(n, shares) > affordable or least_shares_steady(scratch.scaled, scratch.wanted, steady) == math.inf:
         return False
     part = 1.0
-    for i in range(len(shares)):
+    for i in range(n):
         step = steady[i] - shares[i]
         if abs(steady[i]) > affordable:
             part = min(part, (math.copysign(affordable, step) - shares[i]) / step)
-    for i in range(len(shares)):
+    for i in range(n):
         steady[i] = shares[i] + part * (steady[i] - shares[i])
     return True
 
 
 @njit(cache=True, inline="always")
-def _least_time_back(q: Array, task: PostureTask) -> float:
+def _least_time_back(n: int, q: Array, task: PostureTask) -> float:
     """Return the least time (s) from the posture to waiting, with whatever joint speeds are best."""
     joints, back = task.joints, 0.0
-    for i in range(len(q)):
+    for i in range(n):
         joint = joints[i]
         back = max(back, least_time_to_rest(abs(joint.waiting - q[i]), joint.speed, joint.acceleration))
     return back
 
 
 @njit(cache=True, inline="always")
-def _speed_range(time: float, q: Array, task: PostureTask, scratch: Scratch) -> SpeedRange:
+def _speed_range(n: int, time: float, q: Array, task: PostureTask, scratch: Scratch) -> SpeedRange:
     """Fill middle and half width of the joint speeds that are possible at the posture in `time` (s).
 
     The returned time back is a lower bound: each joint takes the speed of its range that has it back soonest.
     """
     joints = task.joints
     middle, half, in_time, back = scratch.middle, scratch.half, True, 0.0
-    for i in range(len(q)):
+    for i in range(n):
         joint = joints[i]
         way, home, speed, acceleration = q[i] - joint.start, joint.waiting - q[i], joint.speed, joint.acceleration
         high = largest_end_speed(time, way, joint.start_speed, speed, acceleration)
@@ -209,21 +209,24 @@ def _speed_range(time: float, q: Array, task: PostureTask, scratch: Scratch) -> 
 
 
 @njit(cache=True, inline="always")
-def _scale_rows(velocity: Array, scratch: Scratch) -> None:
+def _scale_rows(n: int, velocity: Array, scratch: Scratch) -> None:
     """Express the wanted velocity, with a still face, in shares of the possible range of joint speeds."""
     rows, scaled, middle, half, wanted = scratch.rows, scratch.scaled, scratch.middle, scratch.half, scratch.wanted
     for k in range(5):
         wanted[k] = velocity[k] if k < 3 else 0.0
-        for i in range(len(middle)):
+        for i in range(n):
             wanted[k] -= rows[k, i] * middle[i]
             scaled[k, i] = rows[k, i] * half[i]
 
 
 @njit(cache=True, inline="always")
-def _cheaper_speeds(least: float, late_cost: float, q: Array, qdot: Array, task: PostureTask, bound: float, scratch: Scratch) -> float:
+def _cheaper_speeds(
+    n: int, least: float, late_cost: float, q: Array, qdot: Array, task: PostureTask, bound: float, scratch: Scratch
+) -> float:
     """Fill qdot (n,) with the cheaper of two joint speeds: the least ones, or those that keep the face still.
 
     Args:
+        n: Count of the joints.
         least: Lower bound of the cost without that of the speeds.
         late_cost: Cost of being late.
         q: (n,) rad, the posture.
@@ -239,21 +242,21 @@ def _cheaper_speeds(least: float, late_cost: float, q: Array, qdot: Array, task:
     rows, middle, half, mixed, shares, steady = scratch.rows, scratch.middle, scratch.half, scratch.mixed, scratch.shares, scratch.steady
     best = math.inf
     for still in (False, True):
-        if still and (least + _largest(shares) >= min(best, bound) or not _hold_face_still(scratch, weights.affordable)):
+        if still and (least + _largest(n, shares) >= min(best, bound) or not _hold_face_still(n, scratch, weights.affordable)):
             break
         given, back = steady if still else shares, 0.0
-        for i in range(len(q)):
+        for i in range(n):
             mixed[i] = middle[i] + half[i] * given[i]
             back = max(back, least_time(joints[i].waiting - q[i], mixed[i], 0.0, joints[i].speed, joints[i].acceleration))
         for k in range(3):
             missing = velocity[k]
-            for i in range(len(q)):
+            for i in range(n):
                 missing -= rows[k, i] * mixed[i]
             if abs(missing) > UNRESOLVED:
                 return best
-        cost = late_cost + weights.back * back + _largest(given) + weights.turning * turning_rate(rows, mixed)
-        cost += TOO_FAST_COST * max(0.0, _largest(given) - 1.0)
-        cost += _limit_cost(q, mixed, joints, weights.margin, weights.hold)
+        cost = late_cost + weights.back * back + _largest(n, given) + weights.turning * turning_rate(rows, mixed)
+        cost += TOO_FAST_COST * max(0.0, _largest(n, given) - 1.0)
+        cost += _limit_cost(n, q, mixed, joints, weights.margin, weights.hold)
         if cost < best:
             best = cost
             qdot[:] = mixed
@@ -272,35 +275,43 @@ def time_to(q: Array, joints: JointTasks) -> float:
     return longest
 
 
-@njit(cache=True)
-def posture_cost(
-    q: Array, nearest: float, task: PostureTask, bound: float, chain: Chain, known: bool, qdot: Array, scratch: Scratch
+class PostureQuestion(NamedTuple):
+    """What is asked of one posture."""
+
+    nearest: float  # s, of `time_to`
+    bound: float  # cost that the posture must stay below
+    known: bool  # whether the rows of the working memory are already those of the posture
+
+
+@njit(cache=True, inline="always")
+def cost_of_joints(
+    n: int, q: Array, question: PostureQuestion, task: PostureTask, chain: Chain, qdot: Array, scratch: Scratch
 ) -> float:
-    """Fill the best joint speeds qdot (n,) rad/s at a posture.
+    """Fill the best joint speeds qdot (n,) at a posture.
 
     Args:
-        q: (n,) rad, the posture.
-        nearest: s, of `time_to`.
-        task: What is asked.
-        bound: Cost that the posture must stay below.
+        n: Count of the joints; a constant lets the compiler unroll the loops.
+        q: (n,) rad or m, the posture.
+        question: What is asked.
+        task: What is asked of every posture.
         chain: The geometry.
-        known: Whether the rows of `scratch` are already those of the posture.
-        qdot: (n,) rad/s; filled.
+        qdot: (n,) rad/s or m/s; filled.
         scratch: Working memory.
 
     Returns:
-        The cost; inf as soon as it is known to reach `bound`, or if the posture cannot give the velocity.
+        The cost; inf as soon as it is known to reach the bound, or if the posture cannot give the velocity.
     """
+    nearest, bound, known = question
     weights, late = task.weights, 0
     qdot[:] = 0.0
-    least = _limit_cost(q, qdot, task.joints, weights.margin, weights.hold)
+    least = _limit_cost(n, q, qdot, task.joints, weights.margin, weights.hold)
     while weights.swing_time * LATER[late] < nearest:
         late += 1
-    if least + LATE_COST * late + weights.back * _least_time_back(q, task) >= bound:
+    if least + LATE_COST * late + weights.back * _least_time_back(n, q, task) >= bound:
         return math.inf
     while True:  # until the joint speeds that are possible at the strike give the velocity
         last = late + 1 == len(LATER)
-        in_time, back = _speed_range(weights.swing_time * LATER[late], q, task, scratch)
+        in_time, back = _speed_range(n, weights.swing_time * LATER[late], q, task, scratch)
         if not in_time or last:
             back = 0.0
         if least + LATE_COST * late + weights.back * back >= bound:
@@ -310,14 +321,14 @@ def posture_cost(
                 forward_into(q, chain, scratch.point, scratch.turned, scratch.jacobian)
                 steady_rows_into(scratch.jacobian, scratch.turned, ONES, scratch.rows)
                 known = True
-            _scale_rows(task.velocity, scratch)
+            _scale_rows(n, task.velocity, scratch)
             if least_shares(scratch.scaled, scratch.wanted, scratch.shares, math.inf if last else 1.0) < math.inf:
                 break
         late += 1
         if last:
             return math.inf
     least += LATE_COST * late + weights.back * back
-    least += TOO_FAST_COST * max(0.0, _largest(scratch.shares) - 1.0)
-    if least + _largest(scratch.shares) >= bound:
+    least += TOO_FAST_COST * max(0.0, _largest(n, scratch.shares) - 1.0)
+    if least + _largest(n, scratch.shares) >= bound:
         return math.inf
-    return _cheaper_speeds(least, LATE_COST * late, q, qdot, task, bound, scratch)
+    return _cheaper_speeds(n, least, LATE_COST * late, q, qdot, task, bound, scratch)

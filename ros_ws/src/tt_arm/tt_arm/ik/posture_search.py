@@ -19,12 +19,13 @@ from ..kinematics import Chain, forward_into
 from .newton import NewtonScratch, Target, newton_scratch, settle
 from .posture_cost import (
     BestPosture,
+    PostureQuestion,
     PostureTask,
     Scratch,
+    cost_of_joints,
     cost_scratch,
     joint_tasks,
     nearest_turn,
-    posture_cost,
     posture_weights,
     time_to,
 )
@@ -161,7 +162,7 @@ class Search(NamedTuple):
 
 @njit(cache=True)
 def _settled_cost(search: Search, steps: int, bound: float, q: Array, qdot: Array) -> float:
-    """Settle q (n,) in place and return its cost, with the joint speeds filled; see `posture_cost`."""
+    """Settle q (n,) in place and return its cost, with the joint speeds filled; see `cost_of_joints`."""
     joints, bounds = search.task.joints, search.atlas.bounds
     if not settle(search.target, bounds, steps, search.chain, q, search.scratch.rows, search.newton):
         return math.inf
@@ -169,7 +170,9 @@ def _settled_cost(search: Search, steps: int, bound: float, q: Array, qdot: Arra
         if bounds[i, 1] == np.inf:
             q[i] = nearest_turn(q[i], joints[i].start, joints[i].low, joints[i].high)
     nearest = time_to(q, joints)
-    return math.inf if nearest == math.inf else posture_cost(q, nearest, search.task, bound, search.chain, True, qdot, search.scratch)
+    if nearest == math.inf:
+        return math.inf
+    return cost_of_joints(len(q), q, PostureQuestion(nearest, bound, True), search.task, search.chain, qdot, search.scratch)
 
 
 @njit(cache=True)

@@ -23,6 +23,8 @@ from tt_core.states import Array
 if TYPE_CHECKING:
     from ..model import ArmModel
 
+Vector = tuple[float, float, float]
+
 PARALLEL = 1e-9  # sine below which directions count as parallel
 ONES = np.ones(8)  # in the place of speed limits
 
@@ -49,21 +51,59 @@ def _component(columns: Array, k: int, x: float, y: float, z: float) -> float:
     return height if abs(height) > PARALLEL * (1.0 + size) else 0.0
 
 
-@njit(cache=True)
-def least_shares(columns: Array, velocity: Array, shares: Array, most: float = math.inf) -> float:
-    """Fill the shares with the least maximum that give a velocity.
+@njit(cache=True, inline="always")
+def _least_in_plane(columns: Array, n: int, normal: Vector, rest: Vector, shares: Array) -> None:
+    """Fill the shares of the columns that lie in a face of the zonotope; columns along the same edge of the face get the same share.
 
     Args:
-        columns: (3, n) or more rows, of which three are read: m/s of the racket for each joint at its speed limit.
-        velocity: (3,) m/s or more numbers, of which three are read.
-        shares: (n,) of the speed limits; filled.
-        most: Bound, above which the search ends.
-
-    Returns:
-        The least max |share|; inf if the velocity is impossible, or as soon as it is seen to need more than `most`.
+        columns: (3, n), as of `least_shares`.
+        n: Count of the columns.
+        normal: Of the face, unit.
+        rest: m/s, of the velocity, which these columns give.
+        shares: (n,) of the speed limits, NaN for the columns in the face; these are filled.
     """
+    nx, ny, nz = normal
+    rx, ry, rz = rest
+    best, ex, ey, ez = -1.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        if not math.isnan(shares[i]):
+            continue
+        x = ny * columns[2, i] - nz * columns[1, i]
+        y = nz * columns[0, i] - nx * columns[2, i]
+        z = nx * columns[1, i] - ny * columns[0, i]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length < PARALLEL:
+            continue
+        width, ahead = 0.0, (rx * x + ry * y + rz * z) / length
+        for k in range(n):
+            if math.isnan(shares[k]):
+                width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z) / length
+        ratio = abs(ahead) / width if width > PARALLEL else 0.0
+        if ratio > best:
+            scale = math.copysign(1.0, ahead) / length
+            best, ex, ey, ez = ratio, scale * x, scale * y, scale * z
+    dx, dy, dz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx  # along the edge
+    width, left = 0.0, rx * dx + ry * dy + rz * dz
+    for k in range(n):
+        if math.isnan(shares[k]):
+            height = _component(columns, k, ex, ey, ez)
+            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
+            if height != 0.0:
+                shares[k] = math.copysign(best, height)
+                left -= shares[k] * along
+            else:
+                width += abs(along)
+    for k in range(n):
+        if math.isnan(shares[k]):
+            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
+            shares[k] = math.copysign(left / width, left * along) if width > PARALLEL and abs(along) > PARALLEL else 0.0
+
+
+@njit(cache=True, inline="always")
+def _least_shares(columns: Array, n: int, velocity: Array, shares: Array, most: float) -> float:
+    """Do what `least_shares` does, for n columns."""
     best, nx, ny, nz = -1.0, 0.0, 0.0, 0.0
-    for i in range(columns.shape[1]):
+    for i in range(n):
         for j in range(i):
             x = columns[1, i] * columns[2, j] - columns[2, i] * columns[1, j]
             y = columns[2, i] * columns[0, j] - columns[0, i] * columns[2, j]
@@ -72,7 +112,7 @@ def least_shares(columns: Array, velocity: Array, shares: Array, most: float = m
             if length < PARALLEL * PARALLEL:
                 continue
             width, ahead = 0.0, velocity[0] * x + velocity[1] * y + velocity[2] * z
-            for k in range(columns.shape[1]):
+            for k in range(n):
                 width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z)
             if width * width < PARALLEL * PARALLEL * length:
                 if ahead * ahead > PARALLEL * PARALLEL * length:
@@ -86,62 +126,31 @@ def least_shares(columns: Array, velocity: Array, shares: Array, most: float = m
     if best < 0.0:
         return math.inf
     rx, ry, rz = velocity[0], velocity[1], velocity[2]  # the rest of the velocity
-    for k in range(columns.shape[1]):
+    for k in range(n):
         height = _component(columns, k, nx, ny, nz)
         shares[k] = math.copysign(best, height) if height != 0.0 else math.nan  # in the face
         if height != 0.0:
             rx, ry, rz = rx - shares[k] * columns[0, k], ry - shares[k] * columns[1, k], rz - shares[k] * columns[2, k]
-    _least_in_plane(columns, nx, ny, nz, rx, ry, rz, shares)
+    _least_in_plane(columns, n, (nx, ny, nz), (rx, ry, rz), shares)
     return best
 
 
 @njit(cache=True)
-def _least_in_plane(columns: Array, nx: float, ny: float, nz: float, rx: float, ry: float, rz: float, shares: Array) -> None:
-    """Fill the shares of the columns that lie in a face of the zonotope; columns along the same edge of the face get the same share.
+def least_shares(columns: Array, velocity: Array, shares: Array, most: float = math.inf) -> float:
+    """Fill the shares with the least maximum that give a velocity.
 
     Args:
-        columns: (3, n), as of `least_shares`.
-        nx: x of the face's unit normal.
-        ny: y of it.
-        nz: z of it.
-        rx: x of the rest of the velocity (m/s), which these columns give.
-        ry: y of it.
-        rz: z of it.
-        shares: (n,) of the speed limits, NaN for the columns in the face; these are filled.
+        columns: (3, n) or more rows, of which three are read: m/s of the racket for each joint at its speed limit.
+        velocity: (3,) m/s or more numbers, of which three are read.
+        shares: (n,) of the speed limits; filled.
+        most: Bound, above which the search ends.
+
+    Returns:
+        The least max |share|; inf if the velocity is impossible, or as soon as it is seen to need more than `most`.
     """
-    best, ex, ey, ez = -1.0, 0.0, 0.0, 0.0
-    for i in range(columns.shape[1]):
-        if not math.isnan(shares[i]):
-            continue
-        x = ny * columns[2, i] - nz * columns[1, i]
-        y = nz * columns[0, i] - nx * columns[2, i]
-        z = nx * columns[1, i] - ny * columns[0, i]
-        length = math.sqrt(x * x + y * y + z * z)
-        if length < PARALLEL:
-            continue
-        width, ahead = 0.0, (rx * x + ry * y + rz * z) / length
-        for k in range(columns.shape[1]):
-            if math.isnan(shares[k]):
-                width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z) / length
-        ratio = abs(ahead) / width if width > PARALLEL else 0.0
-        if ratio > best:
-            scale = math.copysign(1.0, ahead) / length
-            best, ex, ey, ez = ratio, scale * x, scale * y, scale * z
-    dx, dy, dz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx  # along the edge
-    width, left = 0.0, rx * dx + ry * dy + rz * dz
-    for k in range(columns.shape[1]):
-        if math.isnan(shares[k]):
-            height = _component(columns, k, ex, ey, ez)
-            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
-            if height != 0.0:
-                shares[k] = math.copysign(best, height)
-                left -= shares[k] * along
-            else:
-                width += abs(along)
-    for k in range(columns.shape[1]):
-        if math.isnan(shares[k]):
-            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
-            shares[k] = math.copysign(left / width, left * along) if width > PARALLEL and abs(along) > PARALLEL else 0.0
+    if columns.shape[1] == 7:  # a constant, so that the compiler unrolls the loops: twice as fast
+        return _least_shares(columns, 7, velocity, shares, most)
+    return _least_shares(columns, columns.shape[1], velocity, shares, most)
 
 
 @njit(cache=True)
@@ -235,8 +244,8 @@ def _corner(base: Array, free: Array, best: float, y: Array) -> None:
 
 @njit(cache=True)
 def _least_maximum_of_two(base: Array, free: Array, y: Array) -> float:
-    """Do what `_least_maximum` does for k = 2, the case of seven joints, in a fifth of the time."""
-    n = len(base)
+    """Do what `_least_maximum` does for seven joints and k = 2, in a fifth of the time: the compiler unrolls the loops."""
+    n = 7
     best, u, si, sj, bi, bj = 0.0, 1.0, 0.0, 0.0, n - 2, n - 1
     for i in range(n):
         for j in range(i):
@@ -301,22 +310,9 @@ def _least_maximum(base: Array, free: Array, y: Array) -> float:
     return best
 
 
-@njit(cache=True)
-def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
-    """Fill the shares with the least maximum that give a velocity and two turning rates of the face normal.
-
-    Elimination with full pivoting leaves n - 5 free shares y: x_i = b_i + f_i . y for each joint i, with `base` b and `free` f; see
-    `_least_maximum`.
-
-    Args:
-        rows: (5, n) of `steady_rows`.
-        wanted: (5,) velocity (m/s) and turning rates (rad/s) that the rows are to give.
-        shares: (n,) of the speed limits; filled.
-
-    Returns:
-        The least max |share|; inf if the rows are dependent.
-    """
-    n = rows.shape[1]
+@njit(cache=True, inline="always")
+def _least_shares_steady(rows: Array, n: int, wanted: Array, shares: Array) -> float:
+    """Do what `least_shares_steady` does, for n columns."""
     a, order, base, free, y = np.empty((5, n + 1)), np.arange(n), np.zeros(n), np.zeros((n, n - 5)), np.empty(n - 5)
     a[:, :n], a[:, n] = rows, wanted
     for i in range(5):
@@ -352,6 +348,26 @@ def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
         for j in range(n - 5):
             shares[order[m]] += free[m, j] * y[j]
     return best
+
+
+@njit(cache=True)
+def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
+    """Fill the shares with the least maximum that give a velocity and two turning rates of the face normal.
+
+    Elimination with full pivoting leaves n - 5 free shares y: x_i = b_i + f_i . y for each joint i, with `base` b and `free` f; see
+    `_least_maximum`.
+
+    Args:
+        rows: (5, n) of `steady_rows`.
+        wanted: (5,) velocity (m/s) and turning rates (rad/s) that the rows are to give.
+        shares: (n,) of the speed limits; filled.
+
+    Returns:
+        The least max |share|; inf if the rows are dependent.
+    """
+    if rows.shape[1] == 7:  # as in `least_shares`
+        return _least_shares_steady(rows, 7, wanted, shares)
+    return _least_shares_steady(rows, rows.shape[1], wanted, shares)
 
 
 @njit(cache=True)

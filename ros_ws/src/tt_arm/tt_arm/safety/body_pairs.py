@@ -11,11 +11,10 @@ import numpy as np
 from numba import njit
 from tt_core.states import Array
 
-from ..description.geometry import lever
+from ..description.geometry import ABOUT, lever
 from ..kinematics import Bodies, place_bodies
 from .clearance import Pairs, Places, between_segments, from_segment, places
 
-ABOUT = 1e-3  # m from an axis, within which a body lies along it
 POSTURES = 500  # random ones that are looked at
 MOSTLY = 0.5  # share of the postures in which neighbours overlap at least; bodies that do so less can be kept apart
 NEAR, NEARLY_ALL = 0.05, 0.95  # m, and share of the postures, in which neighbours are within this distance
@@ -86,9 +85,8 @@ def find_pairs(bodies: Bodies, position: Array) -> Pairs:
         position: (n, 2) rad or m, limits of the joints.
     """
     count, n = len(bodies.owners), len(bodies.chain.linear)
-    first = [int(bodies.owners[m]) - _is_about(bodies, m, int(bodies.owners[m])) for m in range(count)]
-    last = [int(bodies.owners[m]) + _is_about(bodies, m, int(bodies.owners[m]) + 1) for m in range(count)]
-    pairs = [(m, k) for k in range(count) for m in range(k) if first[k] - last[m] > 1]
+    last = [int(bodies.owners[m]) + _is_about(bodies, m) for m in range(count)]
+    pairs = [(m, k) for k in range(count) for m in range(k) if bodies.owners[k] - last[m] > 1]
     pairs += [(m, -1) for m in range(count) if n - 1 - last[m] > 1]
     candidates = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     postures = np.random.default_rng(0).uniform(position[:, 0], position[:, 1], (POSTURES, n))
@@ -105,11 +103,10 @@ def find_pairs(bodies: Bodies, position: Array) -> Pairs:
     return candidates[np.array(kept, dtype=bool)]
 
 
-def _is_about(bodies: Bodies, m: int, joint: int) -> bool:
-    """Return whether capsule m lies along the axis of its own joint or the next one, which therefore does not move it."""
-    if not 0 <= joint < len(bodies.chain.linear) or bodies.chain.linear[joint]:
+def _is_about(bodies: Bodies, m: int) -> bool:
+    """Return whether capsule m lies along the axis of the next joint."""
+    joint, chain = int(bodies.owners[m]) + 1, bodies.chain
+    if joint == len(chain.linear) or chain.linear[joint]:
         return False
-    ends = np.array([bodies.starts[m], bodies.ends[m]])
-    if joint > bodies.owners[m]:
-        ends = (ends - bodies.chain.positions[joint]) @ bodies.chain.rotations[joint]
+    ends = (np.array([bodies.starts[m], bodies.ends[m]]) - chain.positions[joint]) @ chain.rotations[joint]
     return bool(np.hypot(ends[:, 0], ends[:, 1]).max() < ABOUT)

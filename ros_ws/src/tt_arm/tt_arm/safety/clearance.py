@@ -149,15 +149,12 @@ def bodies_from_floor(starts: Array, ends: Array, radii: Array, first: int, most
 
 
 @njit(cache=True)
-def racket_from_table(face: Array, rim: Array, around: float) -> float:
-    """Return the distance (m) of the racket with the radius `around` (m) to the table."""
-    left = from_table(face[0], face[1], face[2]) - around
-    if left >= NEAR:
-        return left
-    least = math.inf
+def _fill_rim(face: Array, rotation: Array, around: float, rim: Array) -> None:
+    """Fill points (AROUND, 3) m of the rim of a racket with its centre (3,) m, rotation (3, 3) and radius `around` (m)."""
     for k in range(AROUND):
-        least = min(least, from_table(rim[k, 0], rim[k, 1], rim[k, 2]))
-    return least
+        c, s = around * CIRCLE[k, 0], around * CIRCLE[k, 1]
+        for j in range(3):
+            rim[k, j] = face[j] + c * rotation[j, 0] + s * rotation[j, 1]
 
 
 @njit(cache=True)
@@ -176,20 +173,22 @@ def bodies_from_each_other(starts: Array, ends: Array, radii: Array, reaches: Ar
     return most
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, float]:
     """Return what `clearances` does."""
     starts, ends, face, rotation, rim = at
     radii, reaches, owners, pairs, around = bodies.radii, bodies.reaches, bodies.owners, bodies.pairs, bodies.rim
     place_bodies(q, bodies, starts, ends, face, rotation)
-    for k in range(AROUND):
-        c, s = around * CIRCLE[k, 0], around * CIRCLE[k, 1]
-        for j in range(3):
-            rim[k, j] = face[j] + c * rotation[j, 0] + s * rotation[j, 1]
-    first = 0
+    first, filled = 0, False
     while first < len(owners) and owners[first] < 0:  # these stand still
         first += 1
-    table = bodies_from_table(starts, ends, radii, reaches, first, racket_from_table(face, rim, around))
+    table = from_table(face[0], face[1], face[2]) - around
+    if table < NEAR:
+        _fill_rim(face, rotation, around, rim)
+        table, filled = math.inf, True
+        for k in range(AROUND):
+            table = min(table, from_table(rim[k, 0], rim[k, 1], rim[k, 2]))
+    table = bodies_from_table(starts, ends, radii, reaches, first, table)
     floor = bodies_from_floor(starts, ends, radii, first, face[2] - FLOOR_Z - around)
     itself = math.inf
     for p in range(len(pairs)):
@@ -197,7 +196,9 @@ def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, flo
         if pairs[p, 1] < 0:
             left = from_segment(face[0], face[1], face[2], starts, ends, m) - radii[m] - around
             if left < min(itself, NEAR):
-                left = math.inf
+                if not filled:
+                    _fill_rim(face, rotation, around, rim)
+                left, filled = math.inf, True
                 for k in range(AROUND):
                     left = min(left, from_segment(rim[k, 0], rim[k, 1], rim[k, 2], starts, ends, m) - radii[m])
             itself = min(itself, left)
@@ -218,7 +219,7 @@ def clearances(q: Array, bodies: Bodies) -> tuple[float, float, float]:
     return _clearances(q, bodies, places(len(bodies.owners)))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _clearance(q: Array, bodies: Bodies, at: Places) -> tuple[float, int]:
     """Return what `clearance` does."""
     table, floor, itself = _clearances(q, bodies, at)
