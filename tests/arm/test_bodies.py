@@ -12,11 +12,19 @@ from tt_arm.description.bodies import around_box, around_cylinder, around_mesh, 
 from tt_arm.description.meshes import MeshNotFound, resolve, triangles
 from tt_arm.description.urdf import UrdfError, UrdfFailure, UrdfOptions, read
 from tt_arm.model import ArmModel
-from tt_arm.safety.clearance import between_segments, clearances, segment_from_table
-from tt_arm.safety.clearance import bodies_from_each_other, bodies_from_floor, bodies_from_table
+from tt_arm.safety.clearance import (
+    between_segments,
+    bodies_from_each_other,
+    bodies_from_floor,
+    bodies_from_table,
+    clearances,
+    segment_from_table,
+)
 from tt_core.constants import FLOOR_Z, TABLE_LENGTH, TABLE_THICKNESS, TABLE_WIDTH
 
 SLACK = 1e-9  # m, rounding
+SIZE = np.array([TABLE_LENGTH, TABLE_WIDTH, TABLE_THICKNESS])
+TABLE = coal.Box(*SIZE), coal.Transform3s(np.eye(3), 0.5 * SIZE * [1.0, 1.0, -1.0])
 
 
 def inside(capsule, points):
@@ -39,14 +47,13 @@ def distance(one, other):
 
 def test_segments_are_as_far_apart_as_coal_says():
     rng = np.random.default_rng(0)
-    box = coal.Box(TABLE_LENGTH, TABLE_WIDTH, TABLE_THICKNESS), coal.Transform3s(np.eye(3), np.array([TABLE_LENGTH, TABLE_WIDTH, -TABLE_THICKNESS]) / 2)
     for _ in range(2000):
         starts, ends = rng.uniform([-1, -1, -0.6], [3.5, 2.5, 0.8], (2, 2, 3))
         starts[1] += rng.uniform(0.0, 1.0) * (starts[0] - starts[1])  # some near each other
         tiny = 1e-4  # m, radii that coal subtracts
         apart = distance(as_coal(starts[0], ends[0], tiny), as_coal(starts[1], ends[1], tiny))
         assert between_segments(starts, ends, 0, 1) == pytest.approx(max(0.0, apart + 2 * tiny), abs=1e-6) or apart <= 0.0
-        apart = distance(as_coal(starts[0], ends[0], tiny), box)
+        apart = distance(as_coal(starts[0], ends[0], tiny), TABLE)
         if apart > 0.0:
             assert segment_from_table(starts, ends, 0) == pytest.approx(apart + tiny, abs=1e-6)
         else:
@@ -60,20 +67,19 @@ def test_the_clearance_of_an_arm_is_coals(tmp_path, name):
     (tmp_path / "arm.urdf").write_text(text)
     arm = ArmModel.from_urdf(tmp_path / "arm.urdf", tip, (-0.3, 0.76, 0.0, 0.2), mount)
     bodies, rng = arm.bodies, np.random.default_rng(1)
-    box = coal.Box(TABLE_LENGTH, TABLE_WIDTH, TABLE_THICKNESS), coal.Transform3s(np.eye(3), np.array([TABLE_LENGTH, TABLE_WIDTH, -TABLE_THICKNESS]) / 2)
     floor = coal.Halfspace(np.array([0.0, 0.0, 1.0]), FLOOR_Z), coal.Transform3s()
-    data, moving = arm.pinocchio.createData(), int((bodies.owners < 0).sum())
-    own = capsules(arm.description)
+    data, own = arm.pinocchio.createData(), capsules(arm.description)
+    frames = [(arm.pinocchio.getFrameId(link, pin.FrameType.BODY), parts) for link, parts in own.items() if link != "racket"]
     for _ in range(50):
         q = rng.uniform(*arm.position_limits.T)
         pin.framesForwardKinematics(arm.pinocchio, data, q)
         places = [  # by pinocchio, link by link
-            (arm.pinocchio.frames[arm.pinocchio.getFrameId(link, pin.FrameType.BODY)].parentJoint, capsule.moved(data.oMf[arm.pinocchio.getFrameId(link, pin.FrameType.BODY)]))
-            for link, parts in own.items() if link != "racket" for capsule in parts
-        ]  # fmt: skip
-        tables = [distance(as_coal(*capsule), box) for joint, capsule in places if joint > 1]  # what the first joint turns about itself stands still
-        floors = [distance(as_coal(*capsule), floor) for joint, capsule in places if joint > 1]  # what the first joint turns about itself stands still
-        table, ground, itself = clearances(q, bodies)
+            (arm.pinocchio.frames[frame].parentJoint, capsule.moved(data.oMf[frame])) for frame, parts in frames for capsule in parts
+        ]
+        moving = [capsule for joint, capsule in places if joint > 1]  # what the first joint turns about itself stands still
+        tables = [distance(as_coal(*capsule), TABLE) for capsule in moving]
+        floors = [distance(as_coal(*capsule), floor) for capsule in moving]
+        table, ground, _ = clearances(q, bodies)
         if min(tables) > 0.0:
             assert table <= min(tables) + 1e-6
         assert ground <= min(floors) + 1e-6
@@ -89,7 +95,6 @@ def test_the_clearance_of_an_arm_is_coals(tmp_path, name):
         apart = min(distance(as_coal(*places[i][1]), as_coal(*places[k][1])) for i, k in pairs)
         found = bodies_from_each_other(starts, ends, radii, reaches, pairs, 9.0)
         assert found == pytest.approx(apart, abs=1e-6) or (found <= 0.0 and apart <= 1e-6)
-        assert len(bodies.radii) >= moving
 
 
 def test_a_cylinder_is_within_its_capsule():
@@ -112,18 +117,16 @@ def bent_pipe():
     vertices, corners = [], []
     for low, high in (((0, 0, 0), (0.1, 0.1, 0.6)), ((0, 0, 0.5), (0.7, 0.1, 0.6))):
         steps = np.linspace(0.0, 1.0, 13)
-        box = coal.Box(1, 1, 1)
-        assert box is not None
         for axis in range(3):
             for side in (low, high):
                 u, v = [k for k in range(3) if k != axis]
-                grid = np.array([[side[axis], low[u] + s * (high[u] - low[u]), low[v] + t * (high[v] - low[v])] for s in steps for t in steps])
-                points = np.empty_like(grid)
-                points[:, axis], points[:, u], points[:, v] = grid.T
+                points = np.empty((13 * 13, 3))
+                points[:, axis], points[:, u], points[:, v] = side[axis], np.repeat(steps, 13), np.tile(steps, 13)
+                points[:, u], points[:, v] = (low[k] + points[:, k] * (high[k] - low[k]) for k in (u, v))
                 first = sum(map(len, vertices))
                 vertices.append(points)
-                corners += [(first + 13 * i + j, first + 13 * i + j + 1, first + 13 * (i + 1) + j) for i in range(12) for j in range(12)]
-                corners += [(first + 13 * (i + 1) + j + 1, first + 13 * i + j + 1, first + 13 * (i + 1) + j) for i in range(12) for j in range(12)]
+                for k in (first + 13 * i + j for i in range(12) for j in range(12)):
+                    corners += [(k, k + 1, k + 13), (k + 14, k + 1, k + 13)]
     return np.vstack(vertices), np.array(corners)
 
 
@@ -166,8 +169,8 @@ def test_meshes_are_found_beside_the_file_and_bounded(tmp_path):
 
 
 def test_every_shape_is_read(tmp_path):
-    shapes = '<box size="0.1 0.2 0.3"/>', '<sphere radius="0.1"/>', '<capsule radius="0.1" length="0.3"/>', '<cylinder radius="0.1" length="0.3"/>'
-    for shape in shapes:
+    round_ones = 'sphere radius="0.1"', 'capsule radius="0.1" length="0.3"', 'cylinder radius="0.1" length="0.3"'
+    for shape in ('<box size="0.1 0.2 0.3"/>', *(f"<{one}/>" for one in round_ones)):
         (tmp_path / "arm.urdf").write_text(FIVE.replace('<cylinder radius="0.04" length="0.4"/>', shape))
         description = read(str(tmp_path / "arm.urdf"), "hand", None, UrdfOptions())
         assert capsules(description)["l2"]

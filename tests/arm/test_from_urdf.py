@@ -3,14 +3,19 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from arm.own_urdfs import ARMS, EIGHT, FIVE, GANTRY, SIX, joint, link, robot
+from arm.own_urdfs import ARMS, EIGHT, FIVE, GANTRY, SIX, joint, link
 from tt_arm.description.urdf import UrdfError, UrdfFailure, UrdfOptions
 from tt_arm.dynamics import joint_torques
 from tt_arm.joints import NO_ACCELERATION_LIMIT, NO_JERK_LIMIT
 from tt_arm.model import BASE, MOUNT, URDF, ArmModel
 from tt_core.errors import BadShape, NotFinite, OutOfRange
 
-BASES = {"five": (-0.5, 0.76, 0.0, 0.1), "six": (-0.7, 0.7, 0.1, 0.0, 0.1, 0.3), "eight": (-0.6, 0.76, -0.1, 0.0), "gantry": (-0.4, 0.76, 0.1, 0.0)}
+BASES = {
+    "five": (-0.5, 0.76, 0.0, 0.1),
+    "six": (-0.7, 0.7, 0.1, 0.0, 0.1, 0.3),
+    "eight": (-0.6, 0.76, -0.1, 0.0),
+    "gantry": (-0.4, 0.76, 0.1, 0.0),
+}
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +55,8 @@ def test_forward_kinematics_jacobian_and_torques_are_pinocchios(folder, name):
     assert len(arm.names) == count == peer.nq
     mounted = pin.SE3(pin.rpy.rpyToMatrix(*mount[3:]), np.array(mount[:3])) if len(mount) == 6 else None
     mounted = mounted or pin.SE3(pin.rpy.rpyToMatrix(0, mount[1], 0), np.array([0, 0, mount[0]]))
-    frame = peer.addFrame(pin.Frame("face", peer.frames[peer.getFrameId(tip)].parentJoint, peer.frames[peer.getFrameId(tip)].placement * mounted, pin.OP_FRAME))  # fmt: skip
+    place = peer.frames[peer.getFrameId(tip)]
+    frame = peer.addFrame(pin.Frame("face", place.parentJoint, place.placement * mounted, pin.OP_FRAME))
     data, own, rng = peer.createData(), arm.pinocchio.createData(), np.random.default_rng(1)
     for _ in range(100):
         q, qdot, qddot = rng.uniform(*arm.position_limits.T), *rng.normal(0.0, 3.0, (2, count))
@@ -139,6 +145,7 @@ def refused(folder, text, tip="hand", **given):
 
 
 LIMIT = (-1.0, 1.0, 2, 10)
+L2 = '<cylinder radius="0.04" length="0.4"/>'  # the shape of the link l2
 BENT = FIVE.replace('<joint name="elbow" type="revolute">', '<joint name="elbow" type="{kind}">')
 
 
@@ -168,11 +175,11 @@ BENT = FIVE.replace('<joint name="elbow" type="revolute">', '<joint name="elbow"
         (FIVE.replace('effort="100"', ""), UrdfFailure.NO_LIMITS, {"joint": "elbow", "missing": "effort"}),
         (FIVE.replace('<limit lower="-2.4" upper="2.4" velocity="5" effort="100"/>', ""), UrdfFailure.NO_LIMITS, {"joint": "elbow"}),
         (FIVE.replace('velocity="5"', 'velocity="5" jerk="-1"'), UrdfFailure.WRONG_LIMIT, {"attribute": "jerk", "value": -1.0}),
-        (FIVE.replace('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/><mimic joint="elbow"/>'), UrdfFailure.MIMIC, {"joint": "flip", "other": "elbow"}),
+        (FIVE.replace('"1 0 0"/>', '"1 0 0"/><mimic joint="elbow"/>'), UrdfFailure.MIMIC, {"joint": "flip", "other": "elbow"}),
         (FIVE.replace('mass value="2.0"', 'mass value="-2.0"'), UrdfFailure.WRONG_MASS, {"link": "l2", "mass": -2.0}),
         (FIVE.replace('radius="0.04"', 'radius="-0.04"'), UrdfFailure.WRONG_SIZE, {"link": "l2", "value": -0.04}),
-        (FIVE.replace('<cylinder radius="0.04" length="0.4"/>', "<cone/>"), UrdfFailure.NO_SHAPE, {"link": "l2"}),
-        (FIVE.replace('<cylinder radius="0.04" length="0.4"/>', '<mesh filename="package://none/a.stl"/>'), UrdfFailure.NO_MESH, {"link": "l2"}),
+        (FIVE.replace(L2, "<cone/>"), UrdfFailure.NO_SHAPE, {"link": "l2"}),
+        (FIVE.replace(L2, '<mesh filename="package://none/a.stl"/>'), UrdfFailure.NO_MESH, {"link": "l2"}),
     ],
     ids=lambda value: value.name if isinstance(value, UrdfFailure) else "",
 )  # fmt: skip
@@ -183,7 +190,8 @@ def test_a_bad_urdf_is_refused_with_its_numbers(folder, text, code, values):
 
 
 def test_a_bad_choice_is_refused_with_its_numbers(folder):
-    assert refused(folder, FIVE, "tool9") == (UrdfFailure.UNKNOWN_TIP, {"urdf": str(folder / "arm.urdf"), "tip": "tool9", "count": 1, "links": ["hand"]})
+    code, values = refused(folder, FIVE, "tool9")
+    assert (code, values["tip"], values["links"]) == (UrdfFailure.UNKNOWN_TIP, "tool9", ["hand"])
     code, values = refused(folder, SIX, None)
     assert (code, values["count"]) == (UrdfFailure.SEVERAL_TIPS, 2)
     code, values = refused(folder, SIX, "thumb")

@@ -181,15 +181,15 @@ class ArmModel:
     ) -> ArmModel:
         """Return a serial arm of 5 to 8 revolute, continuous or prismatic joints.
 
-        All joints that are not between the root and the tip, as those of a gripper, are fixed. If the tip has a link named `racket` fixed to
-        it, or is itself that link, the URDF describes the racket; otherwise a usual racket is added.
+        All joints that are not between the root and the tip, as those of a gripper, are fixed. If the tip has a link named `racket` fixed
+        to it, or is itself that link, the URDF describes the racket; otherwise a usual racket is added.
 
         Args:
             path: Of the URDF.
             tip: Link that the racket is mounted on; None for the only one to which nothing is attached.
             base: Root link in `table`: x, y, z (m) and yaw (rad), or x, y, z and roll, pitch, yaw.
-            mount: Racket on the tip: its distance (m) along the z axis of the tip and its angle (rad) about the y axis of the tip, or x, y, z
-                (m) and roll, pitch, yaw (rad). None keeps the place of the URDF's own racket, or puts one at the tip itself.
+            mount: Racket on the tip: its distance (m) along the z axis of the tip and its angle (rad) about the y axis of the tip, or x, y,
+                z (m) and roll, pitch, yaw (rad). None keeps the place of the URDF's own racket, or puts one at the tip itself.
             waiting: (n,) rad or m, where the arm waits for a ball; None for the middle of each joint's range.
             options: Limits that the URDF does not state or states differently, joints that are fixed, and links that are left out.
 

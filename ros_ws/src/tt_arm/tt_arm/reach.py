@@ -1,8 +1,9 @@
 """Which posture and joint speeds bring the racket to its state (inverse kinematics).
 
 Face position and normal are five conditions on five to eight joints, so none to three freedoms are left. The search begins all over the
-limits of the joints, so the answer does not depend on a start (`posture_search`; `elbow_search` for an arm with a closed form). The best posture needs the least share of the joint speeds
-that are possible there within the swing time, lets the face turn little at the strike, and has the arm back soon.
+limits of the joints, so the answer does not depend on a start (`posture_search`; `elbow_search` for an arm with a closed form). The best
+posture needs the least share of the joint speeds that are possible there within the swing time, lets the face turn little at the strike,
+and has the arm back soon.
 """
 
 from __future__ import annotations
@@ -88,7 +89,11 @@ class ReachParams:
         12, "", "values of each of two freedoms on the grid where the search of an arm with a closed form starts", low=4, high=64
     )
     seeds: int = param(
-        64, "", "known postures from which the search of any other arm starts; 4 and 16 times as many where it finds none within all limits", low=1, high=1000
+        64,
+        "",
+        "known postures from which the search of any other arm starts; 4 and 16 times as many where it finds none within all limits",
+        low=1,
+        high=1000,
     )
 
     def __post_init__(self) -> None:

@@ -123,7 +123,9 @@ def merged(parts: list[Capsule]) -> list[Capsule]:
     parts = list(parts)
     while len(parts) > 1:
         best, i, k = min(
-            (around_both(parts[i], parts[k]).volume / (parts[i].volume + parts[k].volume), i, k) for k in range(len(parts)) for i in range(k)
+            (around_both(parts[i], parts[k]).volume / (parts[i].volume + parts[k].volume), i, k)
+            for k in range(len(parts))
+            for i in range(k)
         )
         if best > LITTLE_MORE:
             break

@@ -113,7 +113,7 @@ def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, 
 
 
 def _inwards(owner: int, capsule: Capsule, frames: Frames) -> tuple[int, Capsule]:
-    """Return the joint that moves a capsule of the joint `owner`, and the capsule in its frame: a turn about its own axis does not move it."""
+    """Return the joint that moves a capsule of the joint `owner`, and the capsule in its frame. A turn about its axis does not move it."""
     while owner >= 0 and not frames.linear[owner] and max(np.hypot(*capsule.start[:2]), np.hypot(*capsule.end[:2])) < ABOUT:
         capsule, owner = capsule.moved(frames.placements[owner]), owner - 1
     return owner, capsule

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
@@ -42,10 +43,8 @@ def resolve(name: str, urdf: Path) -> Path:
     path = Path(unquote(address.path).lstrip("/"))
     if address.scheme in ("package", "model"):
         places = []
-        try:
+        with suppress(PackageNotFoundError, ValueError, LookupError):  # it may still be beside the file
             places.append(Path(get_package_share_directory(address.netloc)) / path)
-        except (PackageNotFoundError, ValueError, LookupError):
-            pass  # it may still be beside the file
         for around in (folder, *folder.parents):
             places += [around / path] if around.name == address.netloc else []
             places += [around / address.netloc / path]
@@ -77,5 +76,7 @@ def triangles(path: Path, scale: Array) -> tuple[Array, npt.NDArray[np.int64]]:
     import coal  # takes 0.1 s, and only arms with meshes need it
 
     mesh = coal.MeshLoader().load(str(path), np.asarray(scale, dtype=float))
-    corners = np.array([[triangle[k] for k in range(3)] for triangle in (mesh.tri_indices(i) for i in range(mesh.num_tris))], dtype=np.int64)
+    corners = np.array(
+        [[triangle[k] for k in range(3)] for triangle in (mesh.tri_indices(i) for i in range(mesh.num_tris))], dtype=np.int64
+    )
     return np.array(mesh.vertices(), dtype=float).reshape(-1, 3), corners.reshape(-1, 3)

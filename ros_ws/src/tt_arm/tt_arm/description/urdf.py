@@ -449,7 +449,9 @@ def _limits(tree: _Tree, name: str, given: Mapping[str, float]) -> JointDescript
             values = {"lower": 0.0, "upper": 0.0, **values}
     for attribute, value in given.items():
         if not math.isfinite(value):
-            raise UrdfError(UrdfFailure.BAD_NUMBER, urdf=tree.urdf, where=f"limits of {name}", attribute=attribute, text=str(value), count=1)
+            raise UrdfError(
+                UrdfFailure.BAD_NUMBER, urdf=tree.urdf, where=f"limits of {name}", attribute=attribute, text=str(value), count=1
+            )
         values[attribute] = float(value)
     missing = [a for a in LIMITS[:4] if a not in values]
     if missing:

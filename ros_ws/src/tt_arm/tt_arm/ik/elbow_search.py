@@ -194,9 +194,7 @@ def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: Refine
 
 
 @njit(cache=True, nogil=True)
-def elbow_search(
-    face: Face, start: Array, limits: JointBounds, weights: Array, grid: int, arm: ElbowArm, chain: Chain
-) -> BestPosture:
+def elbow_search(face: Face, start: Array, limits: JointBounds, weights: Array, grid: int, arm: ElbowArm, chain: Chain) -> BestPosture:
     """Search the best posture: a grid over both freedoms, then a compass search from its best points.
 
     Args:
@@ -216,9 +214,7 @@ def elbow_search(
     for n in range(grid * grid):
         at = SCATTERED * n % (grid * grid)
         i, j = at // grid, at % grid
-        costs[i, j] = _posture(
-            Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + CLOSE, Posture(q, qdot)
-        )
+        costs[i, j] = _posture(Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + CLOSE, Posture(q, qdot))
         least = min(least, costs[i, j])
     best = RefinedPosture(math.inf, math.inf, math.inf, start[0].copy(), np.zeros(7))
     for _ in range(STARTS):

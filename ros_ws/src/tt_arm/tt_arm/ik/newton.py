@@ -144,9 +144,7 @@ def newton(position: Array, normal: Array, seed: Array, chain: Chain) -> NewtonP
 
 
 @njit(cache=True)
-def settle(
-    target: Target, bounds: Array, most: int, chain: Chain, q: Array, rows: Array, scratch: NewtonScratch
-) -> bool:
+def settle(target: Target, bounds: Array, most: int, chain: Chain, q: Array, rows: Array, scratch: NewtonScratch) -> bool:
     """Change q (n,) to a posture for a face position and normal within limits.
 
     A joint that a step would move beyond its limit stays at the limit, and the others make up for it.

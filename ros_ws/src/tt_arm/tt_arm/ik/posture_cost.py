@@ -96,7 +96,8 @@ class Scratch(NamedTuple):
 def cost_scratch(n: int) -> Scratch:
     """Return working memory for n joints."""
     return Scratch(
-        np.empty(3), np.empty((3, 3)), np.empty((6, n)), np.empty((5, n)), np.empty((5, n)), np.empty(n), np.empty(n), np.empty(5), np.empty(n), np.empty(n), np.empty(n)
+        np.empty(3), np.empty((3, 3)), np.empty((6, n)), np.empty((5, n)), np.empty((5, n)),
+        np.empty(n), np.empty(n), np.empty(5), np.empty(n), np.empty(n), np.empty(n),
     )  # fmt: skip
 
 
@@ -284,9 +285,7 @@ class PostureQuestion(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def cost_of_joints(
-    n: int, q: Array, question: PostureQuestion, task: PostureTask, chain: Chain, qdot: Array, scratch: Scratch
-) -> float:
+def cost_of_joints(n: int, q: Array, question: PostureQuestion, task: PostureTask, chain: Chain, qdot: Array, scratch: Scratch) -> float:
     """Fill the best joint speeds qdot (n,) at a posture.
 
     Args:

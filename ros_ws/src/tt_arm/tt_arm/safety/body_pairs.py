@@ -2,7 +2,8 @@
 
 Bodies on the same link, and bodies with one joint between them, meet at that joint, whose limits keep them apart. A joint about whose axis
 a body lies does not count: it does not move the body. Bodies that overlap in most postures, or are near each other in nearly all, are
-neighbours too: the joints between them share a place, as in a wrist, and capsules are too coarse to tell whether they touch. Bodies that stay apart whatever the joints between them do are not compared either.
+neighbours too: the joints between them share a place, as in a wrist, and capsules are too coarse to tell whether they touch. Bodies that
+stay apart whatever the joints between them do are not compared either.
 """
 
 from __future__ import annotations
