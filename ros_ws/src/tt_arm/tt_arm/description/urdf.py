@@ -312,9 +312,9 @@ def read(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions
         values = {"count": len(moving), "joints": moving, "tip": tip, "least": LEAST_JOINTS, "most": MOST_JOINTS}
         raise UrdfError(UrdfFailure.WRONG_COUNT, urdf=urdf, **values)
     joints = tuple(_limits(tree, name, options.limits.get(name, {})) for name in moving)
-    for name, link in tree.links.items():
-        for visual in link.findall("visual"):
-            link.remove(visual)
+    for name, element in tree.links.items():
+        for visual in element.findall("visual"):
+            element.remove(visual)
         _find_meshes(tree, name)
     return Description(urdf, ET.tostring(tree.robot, encoding="unicode"), joints)
 
@@ -331,7 +331,7 @@ def _check_names(tree: _Tree, options: UrdfOptions) -> None:
 
 
 def _leave_out(tree: _Tree, link: str, tip: str | None) -> None:
-    if link == tree.root or tip in tree.below(link):
+    if link == tree.root or (tip is not None and tip in tree.below(link)):
         raise UrdfError(UrdfFailure.ON_THE_CHAIN, urdf=tree.urdf, link=link, tip=tip)
     tree.leave_out(link)
 

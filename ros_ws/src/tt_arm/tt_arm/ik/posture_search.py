@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.states import Array
 
@@ -85,7 +86,7 @@ def _distances(target: Target, faces: Array, distances: Array) -> None:
 
 
 @njit(cache=True)
-def _nearest(distances: Array, count: int) -> Array:
+def _nearest(distances: Array, count: int) -> npt.NDArray[np.int64]:
     """Return the indices (count,) of the least distances, in order."""
     found, values = np.zeros(count, np.int64), np.full(count, np.inf)
     for m in range(len(distances)):

@@ -16,6 +16,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_array
 from tt_core.states import Array
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from ..model import ArmModel
 
 Vector = tuple[float, float, float]
+Indices = npt.NDArray[np.int64]
 
 PARALLEL = 1e-9  # sine below which directions count as parallel
 ONES = np.ones(8)  # in the place of speed limits
@@ -180,7 +182,7 @@ def _determinant(free: Array, a: int, b: int, c: int) -> float:
 
 
 @njit(cache=True)
-def _weights(free: Array, rows: Array, weights: Array) -> None:
+def _weights(free: Array, rows: Indices, weights: Array) -> None:
     """Fill the weights (k + 1,) for which the rows (k + 1,) of free (n, k) add up to zero: minors with alternating signs."""
     k = free.shape[1]
     sign, left = 1.0, np.zeros(4, np.int64)
@@ -192,7 +194,7 @@ def _weights(free: Array, rows: Array, weights: Array) -> None:
 
 
 @njit(cache=True)
-def _solve(free: Array, rows: Array, values: Array, y: Array) -> bool:
+def _solve(free: Array, rows: Indices, values: Array, y: Array) -> bool:
     """Fill y (k,) with free[rows] y = values, by Cramer's rule, for the first k rows; return whether there is a solution."""
     k = free.shape[1]
     whole = _determinant(free, rows[0], rows[1], rows[2])
@@ -208,7 +210,7 @@ def _solve(free: Array, rows: Array, values: Array, y: Array) -> bool:
 
 
 @njit(cache=True)
-def _next_subset(rows: Array, count: int, n: int) -> bool:
+def _next_subset(rows: Indices, count: int, n: int) -> bool:
     """Replace rows (count,) by the next increasing subset of 0..n-1; return False after the last one."""
     i = count - 1
     while i >= 0 and rows[i] == n - count + i:
@@ -228,7 +230,7 @@ def _corner(base: Array, free: Array, best: float, y: Array) -> None:
     Needed where the best k + 1 joints have shares alike, so that they do not determine y.
     """
     n, k = free.shape
-    least, rows, values, trial = math.inf, np.arange(4), np.empty(3), np.empty(k)
+    least, rows, values, trial = math.inf, np.arange(4, dtype=np.int64), np.empty(3), np.empty(k)
     while True:
         for signs in range(1 << k):
             for i in range(k):
@@ -282,7 +284,7 @@ def _least_maximum(base: Array, free: Array, y: Array) -> float:
     """
     n, k = free.shape
     best = 0.0
-    rows, weights, left, values = np.arange(4), np.empty(4), np.zeros(4, np.int64), np.empty(4)
+    rows, weights, left, values = np.arange(4, dtype=np.int64), np.empty(4), np.zeros(4, np.int64), np.empty(4)
     y[:] = 0.0
     if k == 0:
         return _largest_share(base, free, y)
