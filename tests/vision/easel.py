@@ -35,7 +35,11 @@ def noise_marks(rng: np.random.Generator, part: float = 0.15) -> Callable[[Array
 
 def cap_marks(rng: np.random.Generator, count: int = 16) -> Callable[[Array], Array]:
     """Round spots of three sizes."""
-    centres, sizes = unit(rng.standard_normal((count, 3))), rng.uniform(0.12, 0.30, count)
+    return dots(unit(rng.standard_normal((count, 3))), rng.uniform(0.12, 0.30, count))
+
+
+def dots(centres: Array, sizes: Array | float) -> Callable[[Array], Array]:
+    """Round spots about directions (n, 3); sizes: rad."""
     return lambda d: np.clip(0.5 + (sizes - np.arccos(np.clip(d @ centres.T, -1.0, 1.0))) / 0.03, 0.0, 1.0).max(axis=-1)
 
 

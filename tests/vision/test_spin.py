@@ -11,13 +11,17 @@ from scipy.spatial.transform import Rotation
 from tt_core.constants import RPM
 from tt_core.errors import BadChoice, BadShape
 from tt_core.so3 import left_jacobian, rotation_matrix
+from tt_eval.synthetic_bursts import BurstConditions, bursts, render_burst
 from tt_sim.render import Lamp, Lamps, Noise, Texture
 from tt_vision.capture.burst import TimesNotRising
+from tt_vision.measure import measure
 from tt_vision.motion_fit import fit_motion
+from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin import SearchParams, SpinReason, estimate_spin
 from tt_vision.spin.comparison import compare_all
 from tt_vision.spin.registration import GATE
 from tt_vision.spin.surface_map import map_surface
+from tt_vision.spin.wide_search import aliases
 
 vectors = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
 
@@ -115,6 +119,66 @@ def test_marks_of_another_ball_are_refused(film):
     mixed[:, 1::2] = other.frames[:, 1::2]
     estimate = estimate_spin(mixed, one.times, one.cameras)
     assert estimate.reason is not None
+
+
+SLOW_CAMERA = BurstConditions(frames=12, frame_rate=380.0)
+
+
+def turning(seed, speed, frame_rate=380.0):
+    """A ball at 2 m/s that turns at `speed` rad/s about a random axis, before a slow camera."""
+    rng = np.random.default_rng(seed)
+    axis = rng.standard_normal(3)
+    spin = speed * axis / np.linalg.norm(axis)
+    conditions = dataclasses.replace(SLOW_CAMERA, frame_rate=frame_rate)
+    return render_burst(np.array(VIEW_CENTRE), np.array([-2.0, 0.0, 0.3]), spin, Texture.drawn(seed), conditions, rng)
+
+
+@pytest.mark.parametrize(("seed", "speed"), [(1, 630.0), (2, 780.0), (4, 940.0)])
+def test_a_slow_camera_alone_measures_a_ball_that_turns_by_up_to_142_deg_a_frame(seed, speed):
+    burst = turning(seed, speed)
+    estimate = estimate_spin(burst.images[:1], burst.times, burst.cameras[:1], search=SearchParams(max_spin=1000.0))
+    assert estimate.reason is None
+    assert np.linalg.norm(estimate.spin - burst.ball.spin) < 0.01 * speed  # 0.005 at most on 11 such balls
+
+
+def test_without_a_larger_search_such_a_spin_is_refused():
+    burst = turning(2, 780.0)
+    assert estimate_spin(burst.images[:1], burst.times, burst.cameras[:1]).reason.code is SpinReason.NO_AGREEMENT
+
+
+def test_spins_that_the_frame_rate_does_not_tell_apart_are_all_named():
+    burst = turning(3, 300.0)
+    estimate = estimate_spin(burst.images, burst.times, burst.cameras, search=SearchParams(max_spin=2500.0))
+    assert estimate.reason.code is SpinReason.AMBIGUOUS
+    expected = [burst.ball.spin, *aliases(burst.ball.spin, 1.0 / 380.0, 2500.0)]
+    assert len(estimate.alternatives) == len(expected) == 2
+    for spin, found in zip(expected, estimate.alternatives, strict=True):
+        assert np.linalg.norm(found - spin) < 0.02 * np.linalg.norm(spin)
+
+
+@given(vectors, st.floats(0.001, 0.02), st.floats(1.0, 3000.0))
+def test_an_alias_turns_the_ball_alike(v, gap, largest):
+    spin = 300.0 * v
+    for other in aliases(spin, gap, largest):
+        assert np.linalg.norm(other) <= largest * (1.0 + 1e-9)
+        assert rotation_matrix(gap * other) == pytest.approx(rotation_matrix(gap * spin), abs=1e-9)
+
+
+def test_spins_up_to_12000_rpm_are_found():
+    errors = [
+        np.linalg.norm(estimate_spin(b.images, b.times, b.cameras).spin - b.ball.spin) / RPM
+        for b in bursts(6, BurstConditions(slowest=10000.0, fastest=12000.0), seed=4)
+    ]
+    assert max(errors) < 60.0  # rpm; 33 on the day
+
+
+def test_marks_tell_the_distance_of_a_single_camera():
+    burst = turning(5, 900.0)
+    result = measure(burst.images[0], None, burst.times, burst.cameras[:1], search=SearchParams(max_spin=1000.0))
+    camera, ball = burst.cameras[0], result.ball
+    depths = [(camera.rotation @ x + camera.translation)[2] for x in (ball.position, burst.ball.position)]
+    flown = (camera.rotation @ burst.ball.velocity)[2] * (burst.ball.time - ball.time)  # the last frame need not be used
+    assert abs(depths[0] + flown - depths[1]) < 0.005  # m; the outline alone is off by up to 0.018
 
 
 def test_too_fast_to_tell_is_refused(film):

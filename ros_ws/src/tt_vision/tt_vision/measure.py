@@ -2,7 +2,8 @@
 
 The stages are a line, each a function from one object to the next, and all are called here:
 
-    Burst -> detect_balls, whole_balls -> fit_motion -> map_surface -> register -> relight, limb_outlines, refit_motion -> estimate_from
+    Burst -> detect_balls, whole_balls -> fit_motion -> map_surface -> register -> relight, limb_outlines, refit_motion
+    -> refine_distance (of a single camera) -> estimate_from
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ from .detection.ball_detection import DetectionReason, detect_balls, first_reaso
 from .detection.illumination import CalibratedLamps
 from .motion_fit import BallMotion, fit_motion, motion_doubt, refit_motion
 from .spin.dissertation import method_1, method_2
+from .spin.distance_refinement import refine_distance
 from .spin.estimate import SpinEstimate, SpinReason, estimate_from
 from .spin.limb_refinement import limb_outlines
-from .spin.registration import DEFAULT, GATE, Registration, SearchParams, register, register_again, register_residual
+from .spin.registration import DEFAULT, Registration, SearchParams, register, register_again, register_residual
 from .spin.relighting import relight
 from .spin.surface_map import LEAST_CONTRAST, SurfaceMap, map_surface
 
@@ -158,8 +160,8 @@ def estimate_spin(
         frames: [camera][frame] of (h, w) uint8 or uint16.
         times: (frames,) s, rising, the middle of the exposures.
         cameras: Who took them.
-        method: "registration": every rotation up to 66 deg between frames is tried. "liu": Method 2 of the dissertation. "correlation": its
-            Method 1.
+        method: "registration": every rotation up to 80 deg between frames is tried, and every spin up to `search.max_spin`.
+            "liu": Method 2 of the dissertation. "correlation": its Method 1.
         lamps: Calibrated lamps; None: the light is fitted to the burst.
         search: How much is spent on the registration.
 
@@ -202,21 +204,24 @@ def _spin(burst: Burst, motion: BallMotion, lamps: CalibratedLamps | None, searc
     """Find the spin by registration; the motion is known better with it, because outlines are found again with the marks known."""
     surface = map_surface(burst, motion, lamps)
     if surface.contrast < LEAST_CONTRAST:
-        return _refused(motion, Failure(SpinReason.NO_MARKS))
+        spin = SpinEstimate.refused(Failure(SpinReason.NO_MARKS))
+        return _Estimate(motion, spin, spin.reason)
     found = register(surface, search)
-    if search.second_look and GATE < found.residual < HOPELESS:
+    if search.second_look and not found.agrees and found.residual < HOPELESS:
         refined = _refine(burst, motion, surface, found, search)
-        if isinstance(refined, Failure):
-            return _Estimate(motion, None, refined)
-        motion, surface, found = refined
-        found = register_residual(surface, found, search)
-    if found.residual > GATE:
-        return _refused(motion, Failure(SpinReason.NO_AGREEMENT, residual=found.residual, bound=GATE), found)
+        if not isinstance(refined, Failure):
+            motion, surface, found = refined
+            found = register_residual(surface, found, search)
+    if not found.is_believed:
+        spin = SpinEstimate.not_believed(found)
+        return _Estimate(motion, spin, spin.reason)
     if search.second_look:
         refined = _refine(burst, motion, surface, found, search)
         if isinstance(refined, Failure):
             return _Estimate(motion, None, refined)
         motion, surface, found = refined
+        if len(burst.cameras) == 1:
+            motion, surface, found = refine_distance(burst, motion, surface, found, search)
     spin = estimate_from(found, cameras=len(burst.cameras), is_refined=search.second_look, is_light_calibrated=lamps is not None)
     return _Estimate(motion, spin, None)
 
@@ -234,11 +239,6 @@ def _refine(
         return refitted
     moved = relit.moved_to(refitted, burst)
     return refitted, moved, register_again(moved, found, search)
-
-
-def _refused(motion: BallMotion, reason: Failure, found: Registration | None = None) -> _Estimate:
-    spin = SpinEstimate.refused(reason) if found is None else SpinEstimate.refused(reason, found.residual, found.candidates)
-    return _Estimate(motion, spin, reason)
 
 
 def _is_swapped(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams) -> bool:

@@ -40,6 +40,7 @@ FIRST_REACH = 0.35  # of the radius: how far from the rough outline the first fi
 FINE_REACH = 4.0  # pixels, how far from the expected outline later fits scan for it
 MOST_RESIDUAL = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
 MOST_APART = 3.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
+MOST_EDGE = 2.0  # pixels by which a camera may see the ball too large: 1.4 with 3 pixels of blur, 2.4 with the camera 10 cm out of place
 FALL = (0.0, 0.0, -GRAVITY)  # m/s^2
 STEPS = 12  # of a fit, at most
 TUKEY = 4.7  # standard deviations beyond which a point has no weight
@@ -93,6 +94,10 @@ class BallMotion:
         """Return the positions (n, 3) m at times (n,) s."""
         t = np.asarray(times)[:, None] - self.time
         return self.position + t * self.velocity + 0.5 * t * t * self.acceleration
+
+    def at_distance(self, place: Array, factor: float) -> BallMotion:
+        """Return the motion that looks the same from `place` (3,) m but is `factor` times as far away."""
+        return replace(self, position=place + factor * (self.position - place), velocity=factor * self.velocity)
 
     def with_acceleration(self, acceleration: Array, times: Array) -> BallMotion:
         """Return the motion that the same images tell if the ball has another acceleration.
@@ -233,7 +238,7 @@ def motion_doubt(motion: BallMotion) -> Failure | None:
     apart, edge = float(np.abs(motion.offsets).max()), float(np.abs(motion.edges).max())
     if apart > MOST_APART:
         return Failure(MotionReason.APART, apart=apart, bound=MOST_APART)
-    return Failure(MotionReason.WRONG_SIZE, edge=edge, bound=MOST_APART) if edge > MOST_APART else None
+    return Failure(MotionReason.WRONG_SIZE, edge=edge, bound=MOST_EDGE) if edge > MOST_EDGE else None
 
 
 def _setup(burst: Burst, acceleration: Array) -> FitSetup:

@@ -18,8 +18,8 @@ from .surface_map import MarkImages, SurfaceMap
 
 CELLS = 900  # of a coarse map, 0.12 rad apart
 CUBE_EDGE = 48  # texels along the edge of the cube that finds them
-LARGEST_TURN = 1.15  # rad between two frames that the search covers: 9,900 rpm at 900 frames a second
-COARSE_STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 8,700 of them; a mark is 0.4 rad wide
+COARSE_TURN, DENSE_TURN = 1.15, 1.40  # rad between two frames that the two searches cover: 9,900 and 12,000 rpm at 900 frames a second
+COARSE_STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 15,700 of them; a mark is 0.4 rad wide
 LEAST_MASS = 0.5  # pixels, weighted, on which a cell must rest
 FULL_MASS = 2.0  # pixels, weighted, from which on a cell counts fully
 
@@ -53,28 +53,32 @@ def coarse_maps(surface: SurfaceMap) -> CoarseMaps:
     return _maps(surface.sharp, cube(CELLS, CUBE_EDGE))
 
 
-def score_candidates(maps: CoarseMaps, candidates: Candidates, pairs: np.ndarray, contrast: float) -> np.ndarray:
+def score_candidates(maps: CoarseMaps, candidates: Candidates, pairs: np.ndarray) -> np.ndarray:
     """Return the score (n,) of each candidate over pairs of frames: 0 for unrelated marks, less for marks that agree.
 
     Args:
         maps: From `coarse_maps`.
         candidates: From `candidate_rotations`.
-        pairs: (p,) first frames of the pairs.
-        contrast: Variance of the brightness.
+        pairs: (p, 2) frames, the earlier one first, all equally far apart in time.
     """
-    return _score(maps.brightness, maps.weights, pairs, candidates.table, contrast)
+    return _score(maps.brightness, maps.weights, pairs, candidates.table)
 
 
 @functools.cache
-def candidate_rotations(step: float) -> Candidates:
-    """Return rotations up to LARGEST_TURN, `step` rad apart, on a body-centred lattice."""
+def candidate_rotations(step: float, largest: float) -> Candidates:
+    """Return rotations up to `largest`, rad, that are `step` rad apart."""
+    rotations = lattice(step, largest)
+    return Candidates(rotations, _make_table(rotations, fibonacci(CELLS), cube(CELLS, CUBE_EDGE)))
+
+
+def lattice(step: float, largest: float) -> Array:
+    """Return the vectors (n, 3) of a body-centred lattice up to a length, about `step` apart."""
     edge = step * 2.0 ** (1 / 3)
-    count = math.ceil(LARGEST_TURN / edge)
+    count = math.ceil(largest / edge)
     i = np.arange(-count, count + 1) * edge
     grid = np.stack(np.meshgrid(i, i, i, indexing="ij"), axis=-1).reshape(-1, 3)
-    lattice = np.concatenate([grid, grid + edge / 2])
-    rotations = np.ascontiguousarray(lattice[np.linalg.norm(lattice, axis=1) <= LARGEST_TURN])
-    return Candidates(rotations, _make_table(rotations, fibonacci(CELLS), cube(CELLS, CUBE_EDGE)))
+    points = np.concatenate([grid, grid + edge / 2])
+    return np.ascontiguousarray(points[np.linalg.norm(points, axis=1) <= largest])
 
 
 def prepare_search() -> None:
@@ -84,8 +88,8 @@ def prepare_search() -> None:
     a burst.
     """
     np.empty(31 << 20, dtype=np.uint8)
-    for step in (COARSE_STEP, DENSE_STEP):
-        candidate_rotations(step)
+    candidate_rotations(COARSE_STEP, COARSE_TURN)
+    candidate_rotations(DENSE_STEP, DENSE_TURN)
 
 
 @njit(cache=True, nogil=True)
@@ -135,30 +139,28 @@ def _maps(images: MarkImages, cube: np.ndarray) -> CoarseMaps:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _score(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: np.ndarray, contrast: float) -> np.ndarray:
-    """Return the sum (candidates,) of weight (difference^2 - 2 contrast) over cells and pairs of frames.
+def _score(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Return minus the covariance (candidates,) of the marks, summed over cells and pairs of frames.
 
-    The square is multiplied out, so all cells of the later frames are compared with one of the earlier ones at once, whatever the turn.
+    A mark on a mark counts far more than white on white, so a turn is not favoured because much of the ball stays in view. All cells of
+    the later frames are compared with one cell of the earlier ones at once, whatever the turn.
     """
     cells, n = len(values), len(pairs)
-    after = np.empty((n, 3, cells), dtype=np.float32)
+    mean = np.float32((values * weights).sum() / max(weights.sum(), np.float32(1e-6)))
+    after = np.empty((n, cells), dtype=np.float32)
     for k in range(n):
         for j in range(cells):
-            value, weight = values[j, pairs[k] + 1], weights[j, pairs[k] + 1]
-            after[k, 0, j] = weight
-            after[k, 1, j] = weight * value
-            after[k, 2, j] = weight * (value * value - 2.0 * contrast)
+            after[k, j] = weights[j, pairs[k, 1]] * (values[j, pairs[k, 1]] - mean)
     scores, row = np.zeros(table.shape[1], dtype=np.float32), np.empty(cells, dtype=np.float32)
     for i in range(cells):
         row[:] = 0.0
         seen = False
         for k in range(n):
-            weight, value = weights[i, pairs[k]], values[i, pairs[k]]
-            if weight > 0.0:
+            before = weights[i, pairs[k, 0]] * (mean - values[i, pairs[k, 0]])
+            if before != 0.0:
                 seen = True
-                first, second = weight * value * value, np.float32(-2.0) * weight * value
                 for j in range(cells):
-                    row[j] += first * after[k, 0, j] + second * after[k, 1, j] + weight * after[k, 2, j]
+                    row[j] += before * after[k, j]
         if seen:
             for c in range(len(scores)):
                 scores[c] += row[table[i, c]]

@@ -15,7 +15,7 @@ from .surface_map import MarkImages
 
 
 class PairComparison(NamedTuple):
-    """Neighbouring frames compared; d is the difference of the brightness at a point.
+    """Pairs of frames compared; d is the difference of the brightness at a point.
 
     Attributes:
         cost: Sum of w (d^2 - 2 contrast).
@@ -37,38 +37,39 @@ class Comparison(NamedTuple):
         normal_matrix: (3, 3) by the spin, (rad/s)^-2, the marks eliminated.
         gradient: (3,) of half the squared error by the spin.
         error: Mean squared error of the brightness.
+        weight: Sum of the weights behind that mean.
         marks: (n,) POINT_MARK, those marks.
     """
 
     normal_matrix: Array
     gradient: Array
     error: float
+    weight: float
     marks: np.ndarray
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def compare_pairs(spin: Array, points: Array, before: np.ndarray, pairs: np.ndarray, images: MarkImages, contrast: float) -> PairComparison:
-    """Compare neighbouring frames, the second one of each pair turned back by a spin.
+    """Compare pairs of frames, the second one of each pair turned back by a spin.
 
     Args:
         spin: (3,) rad/s in `table`.
         points: (n, 3) unit vectors in `table`, places at the first frame of a pair.
         before: (pairs, n) POINT_MARK, `first_samples` of them.
-        pairs: (p,) first frames of the pairs.
+        pairs: (p, 2) frames, the earlier one first.
         images: The marks.
         contrast: Variance of the brightness, so that unrelated marks cost 0.
     """
     marks, views, times = images.marks, images.views, images.times
     cost, total, h, g, row = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3), np.empty(3)
     for p in range(len(pairs)):
-        k = pairs[p]
-        dt = times[k + 1] - times[k]
+        dt = times[pairs[p, 1]] - times[pairs[p, 0]]
         turn, left = unpack_rotation(rotation_matrix(spin * dt)), unpack_rotation(dt * left_jacobian(spin * dt))
         for q in range(len(points)):
             if before[p, q].weight <= 0.0:
                 continue
             x, y, z = rotate(turn, points[q, 0], points[q, 1], points[q, 2])
-            seen = sample_best(marks, views, k + 1, len(times), x, y, z)
+            seen = sample_best(marks, views, pairs[p, 1], len(times), x, y, z)
             if seen.weight <= 0.0:
                 continue
             d = seen.brightness - before[p, q].brightness
@@ -140,4 +141,4 @@ def compare_all(spin: Array, points: Array, images: MarkImages) -> Comparison:
         error += svv - sv * mean
         total += sw
     h = np.array([[h00, h01, h02], [h01, h11, h12], [h02, h12, h22]])
-    return Comparison(h, np.array([g0, g1, g2]), error / max(total, 1e-12), drawn)
+    return Comparison(h, np.array([g0, g1, g2]), error / max(total, 1e-12), total, drawn)

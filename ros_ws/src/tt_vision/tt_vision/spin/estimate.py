@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 from tt_core.failures import Failure
 from tt_core.states import Array
 
-from .registration import Registration
+from .registration import GATE, Registration
 
 NOISE_FLOOR = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
 CORRELATED = 1.5  # neighbouring points share pixels: the least squares counts each pixel that often
@@ -23,6 +23,7 @@ class SpinReason(Enum):
     FEW_FRAMES = "{frames} frames cannot tell a spin"
     NO_MARKS = "no marks on the ball"
     NO_AGREEMENT = "marks do not agree between frames (residual {residual:.2f})"
+    AMBIGUOUS = "{count} spins fit the marks alike: {speeds} rad/s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,7 @@ class SpinEstimate:
         residual: 0 for marks that agree in all images, 1 for unrelated ones; of the dissertation's methods E (2.32) and V (2.21).
         reason: Why there is no estimate, or None.
         iterations: Rotations tried, or steps taken.
+        alternatives: (n, 3) rad/s, the spins that fit alike if the reason is AMBIGUOUS, the best one first; empty otherwise.
     """
 
     spin: Array
@@ -42,11 +44,22 @@ class SpinEstimate:
     residual: float
     reason: Failure | None = None
     iterations: int = 0
+    alternatives: Array = field(default_factory=lambda: np.empty((0, 3)))
 
     @classmethod
     def refused(cls, reason: Failure, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
         """Return that there is no estimate, and why."""
         return cls(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
+
+    @classmethod
+    def not_believed(cls, found: Registration) -> SpinEstimate:
+        """Return that a registration is no estimate, and why."""
+        if not found.agrees:
+            return cls.refused(Failure(SpinReason.NO_AGREEMENT, residual=found.residual, bound=GATE), found.residual, found.candidates)
+        spins = np.array([found.spin, *found.alternatives])
+        speeds = ", ".join(f"{speed:.0f}" for speed in np.linalg.norm(spins, axis=1))
+        refused = cls.refused(Failure(SpinReason.AMBIGUOUS, count=len(spins), speeds=speeds), found.residual, found.candidates)
+        return replace(refused, alternatives=spins)
 
     @classmethod
     def without_covariance(cls, spin: Array, residual: float, iterations: int) -> SpinEstimate:

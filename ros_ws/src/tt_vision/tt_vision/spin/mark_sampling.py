@@ -111,13 +111,13 @@ def first_samples(points: Array, pairs: np.ndarray, images: MarkImages) -> np.nd
 
     Args:
         points: (n, 3) unit vectors in `table`.
-        pairs: (p,) first frames of pairs that follow each other.
+        pairs: (p, 2) frames, the earlier one first.
         images: The marks.
     """
     marks, views, frames = images.marks, images.views, len(images.times)
     out = np.zeros((len(pairs), len(points)), dtype=POINT_MARK)
     for p in range(len(pairs)):
         for q in range(len(points)):
-            seen = sample_best(marks, views, pairs[p], frames, points[q, 0], points[q, 1], points[q, 2])
+            seen = sample_best(marks, views, pairs[p, 0], frames, points[q, 0], points[q, 1], points[q, 2])
             out[p, q].weight, out[p, q].brightness = seen.weight, seen.brightness
     return out

@@ -96,6 +96,12 @@ class SurfaceMap:
         marks = _with_slopes(*_divide(self.stack, self.normals, white, gloss))
         return replace(self, sharp=self.sharp._replace(marks=marks), illumination=light)
 
+    def softened(self) -> SurfaceMap:
+        """Return the map with the blurred marks made anew from the sharp ones."""
+        marks = self.sharp.marks
+        soft, weights = _halved(marks["brightness"], marks["weight"])
+        return replace(self, soft=self.soft._replace(marks=_with_slopes(soft, weights)), soft_contrast=_variance(soft, weights))
+
     def moved_to(self, motion: BallMotion, burst: Burst) -> SurfaceMap:
         """Return the same marks on a ball that is elsewhere by a part of a pixel."""
         moved = []
