@@ -33,6 +33,7 @@ from .posture_cost import (
 
 ATLAS_SIZE = 20_000  # 5 ms to make
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
+PROBES, WIDER = 200, 2.0  # other postures that tell how far a face in reach may be from the atlas; times the furthest of them
 NORMAL_SCALE = 0.5  # m that count in the distance of two faces as much as 1 of their normals' difference
 SEED_STEPS, REFINE_STEPS = 20, 6  # of Newton's method
 STARTS = 2  # postures that are refined
@@ -51,11 +52,13 @@ class Atlas(NamedTuple):
         postures: (n, size) rad or m; one row for each joint, for speed.
         faces: (6, size) position (m) and NORMAL_SCALE times the normal of the face.
         bounds: (n, 2) rad or m, that Newton's method keeps; infinite for a joint that may make whole turns.
+        widest: m^2, squared distance of a face to the nearest one of the atlas, beyond which it is out of reach.
     """
 
     postures: Array
     faces: Array
     bounds: Array
+    widest: float
 
 
 @njit(cache=True)
@@ -251,6 +254,9 @@ def search(
     here = Search(target, task, atlas, chain, newton_scratch(n), cost_scratch(n))
     distances = np.empty(atlas.faces.shape[1])
     _distances(here.target, atlas.faces, distances)
+    best = BestPosture(math.inf, start[0].copy(), np.zeros(n))
+    if distances.min() > atlas.widest:
+        return best
     seeds = _nearest(distances, count)
     costs, found, speeds, least = np.full(count + 2, np.inf), np.empty((count + 2, n)), np.empty((count + 2, n)), math.inf
     for m in range(count + 2):
@@ -258,7 +264,6 @@ def search(
             found[m, i] = start[2 * m, i] if m < 2 else atlas.postures[i, seeds[m - 2]]
         costs[m] = _settled_cost(here, SEED_STEPS, least + CLOSE, found[m], speeds[m])
         least = min(least, costs[m])
-    best = BestPosture(math.inf, start[0].copy(), np.zeros(n))
     for _ in range(STARTS):
         m = int(np.argmin(costs))
         if costs[m] == math.inf:
@@ -285,10 +290,13 @@ def make_atlas(chain: Chain, position: Array) -> Atlas:
     whole = ~chain.linear & (high - low >= 2.0 * math.pi)  # these joints are the same after a turn
     middle = 0.5 * (low + high)
     low, high = np.where(whole, middle - math.pi, low), np.where(whole, middle + math.pi, high)
-    shares = np.array([_halton(prime, ATLAS_SIZE) for prime in PRIMES[: len(low)]])
+    shares = np.array([_halton(prime, ATLAS_SIZE + PROBES) for prime in PRIMES[: len(low)]])
     postures = low[:, None] + shares * (high - low)[:, None]
+    faces = fill_faces(postures, chain)
+    atlas, probes = np.ascontiguousarray(faces[:, :ATLAS_SIZE]), faces[:, ATLAS_SIZE:]
+    widest = max(float(((atlas - probe[:, None]) ** 2).sum(axis=0).min()) for probe in probes.T)
     bounds = np.where(whole[:, None], [-np.inf, np.inf], position)
-    return Atlas(postures, fill_faces(postures, chain), bounds)
+    return Atlas(np.ascontiguousarray(postures[:, :ATLAS_SIZE]), atlas, bounds, WIDER**2 * widest)
 
 
 def _halton(prime: int, size: int) -> Array:
