@@ -8,7 +8,7 @@ import pytest
 from arm.own_urdfs import ARMS
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.reach import adjust, reach
+from tt_arm.reach import ReachFailure, adjust, reach
 from tt_arm.safety.clearance import clearance
 from tt_arm.safety.guard import Guard
 from tt_arm.swing import plan
@@ -62,6 +62,20 @@ def test_strokes_of_random_joints_are_found(arm):
         assert found.ratio == pytest.approx(np.abs(found.qdot / arm.speed_limits).max()) and found.ratio <= 1.0
         assert np.all(found.q >= arm.position_limits[:, 0]) and np.all(found.q <= arm.position_limits[:, 1])
     assert len(missed) <= 0.01 * tried, missed
+
+
+def test_any_posture_is_within_the_limits(arm):
+    missed, tried = 0, 300
+    for racket in strokes(arm, tried, seed=1):
+        found = reach(arm, racket, arm.waiting, method="any")
+        if found.reason is not None and found.reason.code is not ReachFailure.BEYOND_SPEED_LIMIT:
+            missed += 1
+            continue
+        position, rotation = arm.racket(found.q)
+        assert position == pytest.approx(racket.position, abs=2e-9)
+        assert rotation[:, 2] == pytest.approx(racket.normal, abs=2e-9)
+        assert np.all(found.q >= arm.position_limits[:, 0]) and np.all(found.q <= arm.position_limits[:, 1])
+    assert missed <= 0.005 * tried
 
 
 def test_a_stroke_that_has_changed_a_little_is_adjusted(arm):

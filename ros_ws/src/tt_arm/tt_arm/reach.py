@@ -24,13 +24,13 @@ from . import dissertation
 from .ik.elbow_search import Face, elbow_search
 from .ik.newton import Target, newton
 from .ik.posture_cost import PostureWeights, turning_rate
-from .ik.posture_search import ATLAS_SIZE, search
+from .ik.posture_search import ATLAS_SIZE, any_posture, search
 from .ik.velocity_allocation import ONES, least_shares, steady_rows
 from .joints import COMMAND_TIMEOUT, JointBounds, JointLimits
 from .kinematics import Chain, forward
 from .model import ArmModel
 
-METHODS = ("best", "near", "liu")
+METHODS = ("best", "near", "any", "liu")
 FINER = (1, 2)  # times `grid`, where the plain grid finds no posture within all limits
 MORE = (1, 4, 16)  # times `seeds` that are tried one after the other, until a posture within all limits is found
 
@@ -206,8 +206,8 @@ def reach(
         seed: (n,) rad, where the arm comes from.
         params: What the search weighs.
         qdot: (n,) rad/s, the joint speeds at `seed`; None at rest.
-        method: "best" searches both freedoms. "near" takes the posture that Newton's method finds from the seed, with the least joint
-            speeds. "liu" is the dissertation's, see `dissertation`.
+        method: "best" searches all postures. "near" takes the posture that Newton's method finds from the seed, with the least joint
+            speeds, and "any" the first one within the position limits. "liu" is the dissertation's, see `dissertation`.
         limits: Of the joints; None for the arm's own.
 
     Raises:
@@ -218,11 +218,16 @@ def reach(
     n = len(model.names)
     seed, limits = check_array("seed", seed, (n,)).copy(), limits or model.limits
     if method == "liu" and n != dissertation.JOINTS:
-        raise BadChoice("method", method, METHODS[:2])
+        raise BadChoice("method", method, METHODS[:3])
     if method == "best":
         speeds = np.zeros(n) if qdot is None else check_array("qdot", qdot, (n,))
         return _searched(model, racket, np.array([seed, speeds, model.waiting]), params or ReachParams(), limits)
-    if method == "near":
+    if method == "any":
+        q, target, seeds = np.empty(n), Target(racket.position.copy(), racket.normal), (params or ReachParams()).seeds
+        if not any(any_posture(target, seed, limits.bounds, times * seeds, model.atlas, model.chain, q) for times in MORE):
+            return _failed(seed, ReachFailure.OUT_OF_REACH)
+        seed = q
+    if method in ("near", "any"):
         found = nearest(racket.position.copy(), racket.normal, racket.velocity.copy(), seed, limits.bounds, model.chain)
         return _rated(limits, found.q, found.qdot, found.rating) if found.found else _failed(seed, ReachFailure.NOT_CONVERGED)
     q = dissertation.posture(model, racket, seed)

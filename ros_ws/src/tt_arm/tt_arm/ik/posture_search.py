@@ -279,6 +279,44 @@ def search(
     return best
 
 
+@njit(cache=True, nogil=True)
+def any_posture(target: Target, seed: Array, limits: JointBounds, count: int, atlas: Atlas, chain: Chain, q: Array) -> bool:
+    """Fill q (n,) with the first posture within the limits that is found: from the seed, then from the nearest faces of the atlas.
+
+    Args:
+        target: Where the face is wanted.
+        seed: (n,) rad or m, where the arm is.
+        limits: Of the joints.
+        count: Postures of the atlas that are settled at most.
+        atlas: Of the arm.
+        chain: The geometry.
+        q: (n,) rad or m; filled.
+
+    Returns:
+        Whether there is one.
+    """
+    n, distances = len(seed), np.empty(atlas.faces.shape[1])
+    rows, scratch, seeds = np.empty((5, n)), newton_scratch(n), np.zeros(0, np.int64)
+    for m in range(count + 1):
+        if m == 1:
+            _distances(target, atlas.faces, distances)
+            seeds = _nearest(distances, count)
+            if distances[seeds[0]] > atlas.widest:
+                return False
+        for i in range(n):
+            q[i] = seed[i] if m == 0 else atlas.postures[i, seeds[m - 1]]
+        if not settle(target, atlas.bounds, SEED_STEPS, chain, q, rows, scratch):
+            continue
+        inside = True
+        for i in range(n):
+            if atlas.bounds[i, 1] == np.inf:
+                q[i] = nearest_turn(q[i], seed[i], limits[i].low, limits[i].high)
+            inside = inside and limits[i].low <= q[i] <= limits[i].high
+        if inside:
+            return True
+    return False
+
+
 def make_atlas(chain: Chain, position: Array) -> Atlas:
     """Return the atlas of an arm: ATLAS_SIZE postures spread evenly over the limits by a Halton sequence.
 
