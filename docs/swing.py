@@ -15,6 +15,7 @@ from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_bringup.report import read
+from tt_core.errors import TtError
 from tt_eval.arm_loop import arm_ticks
 from tt_eval.arm_trial import STROKES_AT, TICK, strokes
 from tt_eval.page import Section, html_page
@@ -81,11 +82,17 @@ def main() -> None:
     if len(sys.argv) != 3:
         raise SystemExit(__doc__)
     source = sys.argv[1].split()
-    rows = played(source[0], int(source[1])) if len(source) == 2 else recorded(Path(sys.argv[1]))
+    try:
+        rows = played(source[0], int(source[1])) if len(source) == 2 and source[1].isdigit() else recorded(Path(sys.argv[1]))
+    except TtError as error:
+        raise SystemExit(f"swing: {error}") from error
     reference, measured, strike = rows
     at = [np.array([np.interp(strike, r[:, 0], r[:, k]) for k in range(1, 15)]) for r in (reference, measured)]
     off = np.abs(at[1] - at[0])
-    Path(sys.argv[2]).write_text(html_page(f"Swing of {sys.argv[1]}", [Section(figures=[figure(*rows)])]))
+    try:
+        Path(sys.argv[2]).write_text(html_page(f"Swing of {sys.argv[1]}", [Section(figures=[figure(*rows)])]))
+    except OSError as error:
+        raise SystemExit(f"swing: {error}") from error
     print(f"{sys.argv[2]}: at the strike q is off by at most {np.degrees(off[:7].max()):.3f} degrees, qdot by {off[7:].max():.3f} rad/s")
 
 

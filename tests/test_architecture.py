@@ -58,7 +58,7 @@ def test_a_package_imports_the_vocabulary_and_no_sibling(path):
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_ros_is_known_to_nodes_only(path):
-    programs = {"tt_bringup/tt_bringup/demo.py", "tt_bringup/tt_bringup/parameters.py"}
+    programs = {f"tt_bringup/tt_bringup/{name}.py" for name in ("demo", "parameters", "reprocess", "stages")}
     is_ros = (
         path.name.endswith("_node.py") or relative(path).startswith(("tt_core/tt_core/ros/", "tt_tools/")) or relative(path) in programs
     )
@@ -82,8 +82,6 @@ def test_launch_files_remap_no_truth_to_the_robot():
 @pytest.mark.parametrize("path", [p for p in FILES if p.name.endswith("_node.py")], ids=relative)
 def test_a_node_has_an_executable(path):
     package = path.relative_to(SRC).parts[0]
-    if path.stem == "graph_node":  # behind words of the ros2 command
-        return
     assert any(f'start("{package}.{path.stem}")' in script.read_text() for script in (SRC / package / "scripts").iterdir())
 
 

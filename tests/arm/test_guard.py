@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.safety.clearance import clearance
+from tt_arm.safety.clearance import braking_clearance, clearance
+from tt_arm.safety.command_limits import SAME
 from tt_arm.safety.guard import Guard, GuardParams
 from tt_arm.safety.stops import ArmStop
 from tt_arm.swing import SwingLimits
@@ -38,7 +39,7 @@ def test_nonsense_never_leaves(commands):
         assert np.abs(allowed - last).max() <= 40.0 * TICK + 1e-9
         if command.shape != (7,) or not np.isfinite(command).all():
             assert reason.code is ArmStop.BROKEN_COMMAND
-        assert reason is not None or np.array_equal(allowed, command)
+        assert reason is not None or np.allclose(allowed, command, rtol=0.0, atol=SAME)
         last = allowed
 
 
@@ -187,3 +188,12 @@ def test_bad_values_name_themselves():
     with pytest.raises(OutOfRange) as told:
         GuardParams(margin=-1.0)
     assert (told.value.name, told.value.value) == ("margin", -1.0)
+
+
+def test_a_command_whose_holding_would_end_in_the_table_does_not_leave():
+    """Braking from it at once would not even come near the table."""
+    guard, command = Guard(MODEL), np.array([0.86, -0.35, -0.72, -1.88, 2.52, -4.93, -5.67])  # rad/s, from the waiting posture on
+    assert braking_clearance(MODEL.waiting, command, guard.braking, guard.hold, MODEL.chain)[0] == 0.0  # within the table
+    assert braking_clearance(MODEL.waiting, command, guard.braking, 0.0, MODEL.chain)[0] > 0.1  # m
+    guard.begin_from(command)
+    assert guard.check(at(0.0), command, 0.0)[1].code is ArmStop.NEAR

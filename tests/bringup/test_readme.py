@@ -23,12 +23,17 @@ def test_there_is_something_to_check():
 
 
 @pytest.mark.parametrize("words", ROS2, ids=" ".join)
-def test_the_ros2_command_takes_the_line(words):
+def test_the_ros2_command_takes_the_line(words, tmp_path, monkeypatch):
     args = parser().parse_args(words)
     if words[0] == "run":
-        assert packages.executable(args.package, args.executable).is_file()
+        assert packages.executable(args.package_name, args.executable_name).is_file()
     if words[0] == "launch":
         given = dict(word.split(":=", 1) for word in words if ":=" in word)
+        if "more_params_file" in given:  # which the reader makes
+            (tmp_path / given["more_params_file"]).touch()
+            monkeypatch.chdir(tmp_path)
+        if given.get("params_file"):
+            given["params_file"] = str(ROOT / given["params_file"])
         assert launch.processes(packages.launch_file(*[word for word in words[1:] if ":=" not in word]), given)
 
 
@@ -45,7 +50,14 @@ def test_the_demo_takes_the_options_that_the_readme_names():
 
 
 @pytest.mark.parametrize(
-    ("words", "reason"), [(["--balls", "0"], "--balls 0"), (["--rtf", "99"], "--rtf 99"), (["--seed", "x"], "invalid int")]
+    ("words", "reason"),
+    [
+        (["--balls", "0"], "--balls 0"),
+        (["--rtf", "99"], "--rtf 99"),
+        (["--seed", "x"], "invalid int"),
+        (["--out", "/proc/x"], "/proc/x"),
+        (["--json", "/no/x.json"], "/no/x.json"),
+    ],
 )
 def test_the_demo_refuses_nonsense(words, reason):
     done = subprocess.run(["python", "-m", "tt_bringup.demo", *words], capture_output=True, text=True, check=False)

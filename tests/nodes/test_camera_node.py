@@ -1,12 +1,18 @@
 """A folder of images in, both cameras' topics out."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Image
+from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message, image_from_message, seconds
-from tt_core.ros.qos import LATCHED, SENSOR
+from tt_core.ros.qos import LATCHED, RECORDED, SENSOR
 from tt_vision.rig import high_speed_pair
+
+REFERENCE = Path(__file__).parents[2] / "bags" / "reference_back_5"
 
 
 @pytest.fixture
@@ -41,3 +47,26 @@ def test_a_source_that_is_not_there_ends_it_with_the_reason(start, tmp_path):
     node = start("tt_vision.camera_node", "--ros-args", "-p", f"path:={tmp_path}")
     assert node.wait(timeout=30) == 2
     assert "no images named" in node.stderr.read()
+
+
+@pytest.mark.parametrize("first", ["camera", "estimate"])
+def test_a_recording_is_measured_whoever_starts_first(start, probe, until, tmp_path, first):
+    """Every image arrives, the ball is measured, and the camera node ends by itself."""
+    with Bag(REFERENCE) as bag:
+        for side in ("left", "right"):
+            for message in bag.messages([f"/camera/{side}/image_raw"]):
+                image = bag.decode(message)
+                cv2.imwrite(str(tmp_path / f"{side}_{seconds(image.header.stamp):.9f}.png"), image_from_message(image))
+    balls, images = [], []
+    options = ("--ros-args", "-p", f"path:={tmp_path}", "-p", "end:=true", "-p", "linger:=1.0", "-p", "speed:=0.0")
+    starts = {"camera": ("tt_vision.camera_node", *options), "estimate": ("tt_vision.estimate_node",)}
+    started = {first: start(*starts.pop(first))}
+    until(lambda: first in probe.get_node_names(), probe)
+    started |= {name: start(*words) for name, words in starts.items()}
+    probe.create_subscription(Odometry, "/ball/measured", balls.append, 10)
+    for side in ("left", "right"):
+        probe.create_subscription(Image, f"/camera/{side}/image_raw", images.append, RECORDED)
+    until(lambda: started["camera"].poll() is not None, probe, 200.0)
+    assert started["camera"].returncode == 0
+    until(lambda: balls, probe)
+    assert len(balls) == 1 and len(images) == 48

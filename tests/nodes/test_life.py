@@ -38,14 +38,14 @@ NODES = {
 
 @pytest.fixture
 def execute(ros, tmp_path):
-    """execute(name) starts the executable of a node; what it prints on stderr is in its folder."""
+    """execute(name, *arguments) starts the executable of a node; what it prints on stderr is in its folder."""
     running = []
 
-    def execute(name):
-        package, arguments = NODES[name]
+    def execute(name, *arguments):
+        package, usual = NODES[name]
         (folder := tmp_path / name).mkdir()
         with (folder / "stderr").open("w") as file:
-            command = [packages.executable(package, name), *arguments]
+            command = [packages.executable(package, name), *(arguments or usual)]
             running.append(subprocess.Popen(command, cwd=folder, stderr=file, stdout=subprocess.DEVNULL))
         return running[-1], folder / "stderr"
 
@@ -94,6 +94,20 @@ def test_an_interrupt_ends_a_node_that_spins(execute):
         number = rng.choice((signal.SIGINT, signal.SIGTERM))
         process.send_signal(number)
         assert check_end(process, number, printed) == 0
+
+
+@pytest.mark.parametrize("words", [["-p", "foo"], ["--params-file", "/no/such.yaml"], ["-r", "a:b"], ["-p", "until_x:=far"]])
+def test_malformed_arguments_are_told_without_a_traceback(execute, words):
+    process, printed = execute("predict_node", "--ros-args", *words)
+    assert process.wait(timeout=60.0) == 2
+    lines = printed.read_text().splitlines()
+    assert 1 <= len(lines) <= 2 and "Traceback" not in lines[0]  # rcl may tell before us that there is something
+
+
+def test_a_node_tells_how_it_is_called(execute):
+    for name in NODES:
+        process, printed = execute(name, "--help")
+        assert process.wait(timeout=60.0) == 0 and not printed.read_text()
 
 
 def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe, until):
@@ -213,4 +227,4 @@ def test_a_crash_in_a_thread_ends_the_node(ros, monkeypatch):
     command = [sys.executable, "-m", "tt_core.start", "crashing_thread"]
     node = subprocess.run(command, capture_output=True, text=True, timeout=100.0, check=False)
     assert node.returncode == 1 and node.stdout == "closed\n", node
-    assert node.stderr.count("Traceback") == 1 and node.stderr.endswith("RuntimeError: a crash\n")
+    assert "Traceback" not in node.stderr and node.stderr.splitlines()[-1].startswith("RuntimeError: a crash (crashing_thread.py:")

@@ -13,14 +13,20 @@ import yaml
 from bagforms import FORMS, TYPES
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point
+from mcap.reader import make_reader
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 from tt_core.ros.bags import Bag
 from tt_core.ros.qos import RELIABLE
+from tt_tools.describe import describe
 from tt_tools.record import Recording
 from tt_tools.record_node import offered_qos
 from tt_tools.reindex import reindex
@@ -71,6 +77,35 @@ def test_it_records_all_that_is_offered(start, probe, until, tmp_path):
     assert offered["/latched"][0].durability is QosDurability.TRANSIENT_LOCAL
     topics = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]["topics_with_message_count"]
     assert {topic["topic_metadata"]["type_description_hash"] for topic in topics} == {str(info.topic_type_hash)}
+
+
+def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, until, tmp_path):
+    probe.declare_parameter("speed.scale", 0.5)
+    latched = probe.create_publisher(String, "/robot_description", LATCHED)
+    latched.publish(String(data="<robot/>"))
+    outputs = [probe.create_publisher(Point, f"/{name}", 10) for name in ("ball_a", "ball_b", "joint", "_hidden")]
+    bag = tmp_path / "bag"
+    options = [
+        "output:=" + str(bag),
+        "topics:=[/joint, /robot_description]",
+        "regex:=ball",
+        "exclude_topics:=[/ball_b]",
+        "compression:=zstd",
+    ]
+    recorder = start("tt_tools.record_node", "--ros-args", *(word for option in options for word in ("-p", option)))
+    names = ("parameters/probe.yaml", "revision.txt", "robot_description.urdf")
+    until(lambda: outputs[0].get_subscription_count() and outputs[2].get_subscription_count(), probe)
+    until(lambda: all(name.encode() in (bag / "bag.mcap").read_bytes() for name in names) or outputs[0].publish(Point()), probe)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(timeout=60) == 0
+    found = describe(bag)
+    assert {topic.name for topic in found.topics} == {"/ball_a", "/joint", "/robot_description"}
+    assert set(found.attachments) == set(names)
+    with (bag / "bag.mcap").open("rb") as stream:
+        texts = {attachment.name: attachment.data.decode() for attachment in make_reader(stream).iter_attachments()}
+    assert yaml.safe_load(texts["parameters/probe.yaml"])["/probe"]["ros__parameters"]["speed"] == {"scale": 0.5}
+    assert texts["robot_description.urdf"] == "<robot/>" and texts["revision.txt"].strip()
+    assert (bag / "bag.mcap").read_bytes().count(b"zstd") > 1
 
 
 def test_an_existing_directory_is_refused(start, tmp_path):
@@ -216,6 +251,38 @@ def test_playback_begins_when_every_consumer_is_there(start, probe, until, tmp_p
     assert len(contents(recorded)[0]["/unwanted"]) == 100
 
 
+def test_playback_pauses_steps_seeks_and_loops(start, probe, until, tmp_path):
+    bag, got = FORMS["mcap"](tmp_path, points()), listen(probe, ["/old"])["/old"]
+    options = ["position:=0.5", "duration:=0.3", "loop:=true", "paused:=true", "topics:=[/old]", f"bag:={bag}"]
+    player = start("tt_tools.play_node", "--ros-args", *(word for option in options for word in ("-p", option)))
+
+    def values():
+        return [round(deserialize_message(data, Point).x) for data in got]
+
+    def call(kind, name, request):
+        client = probe.create_client(kind, name)
+        until(client.service_is_ready, probe)
+        answer = client.call_async(request)
+        until(answer.done, probe)
+        return answer.result()
+
+    until(lambda: probe.count_publishers("/old"), probe)
+    until(lambda: call(Trigger, "/player/step", Trigger.Request()).success and values(), probe)
+    assert values()[0] == 50  # 0.5 s after the first message
+    position = Parameter("position", value=0.7).to_parameter_msg()
+    assert call(SetParameters, "/player/set_parameters", SetParameters.Request(parameters=[position])).results[0].successful
+    got.clear()
+    until(lambda: call(Trigger, "/player/step", Trigger.Request()).success and values(), probe)
+    assert values()[0] == 70
+    got.clear()
+    assert call(SetBool, "/player/pause", SetBool.Request(data=False)).success
+    assert not call(Trigger, "/player/step", Trigger.Request()).success
+    until(lambda: values().count(55) >= 2, probe)
+    assert set(values()) <= set(range(50, 81)) and 80 in values()
+    player.send_signal(signal.SIGINT)
+    assert player.wait(timeout=20) == 0
+
+
 def test_a_consumer_that_does_not_come_is_named(start, probe, until, tmp_path):
     bag = FORMS["mcap"](tmp_path, points())
     player = start("tt_tools.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "wait_for:=[/old, /result]", "-p", "patience:=0.5")
@@ -230,7 +297,7 @@ def test_the_command_plays_when_nobody_listens(start, probe, until, tmp_path):
     player = start("tt_tools.ros2", "bag", "play", str(bag), "--clock", "100")
     until(lambda: player.poll() is not None, probe, 90.0)
     assert player.returncode == 0
-    assert clock[-1] - clock[0] < 15.0  # s, of which 1 to look for subscribers and 0.1 to play; it does not wait half a minute
+    assert clock[-1] - clock[0] < 15.0  # s, of which 0.3 to look for subscribers and 0.1 to play; it does not wait half a minute
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,6 +1,7 @@
 """The command line on a running graph."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -8,8 +9,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from geometry_msgs.msg import Point
+import yaml
+from geometry_msgs.msg import PointStamped
 from std_srvs.srv import SetBool
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 LAUNCH = """
 launch:
@@ -40,25 +43,86 @@ def ros2(ros):
         process.wait()
 
 
-def test_it_tells_of_nodes_and_topics(ros2, probe, until):
-    output = probe.create_publisher(Point, "/point", 10)
-    probe.create_timer(0.01, lambda: output.publish(Point(x=1.5)))
-    nodes, topics, message = ros2("node", "list"), ros2("topic", "list", "-t"), ros2("topic", "echo", "/point", "--once")
-    rate = ros2("topic", "hz", "/point", "-w", "50")
-    until(lambda: all(process.poll() is not None for process in (nodes, topics, message)), probe)
-    assert "/probe" in nodes.communicate()[0].splitlines()
-    assert "/point [geometry_msgs/msg/Point]" in topics.communicate()[0].splitlines()
-    assert message.communicate()[0] == "{x: 1.5, y: 0.0, z: 0.0}\n---\n"
-    until(lambda: output.get_subscription_count() == 1, probe)
-    os.set_blocking(rate.stdout.fileno(), False)
+@pytest.fixture
+def told(ros2, probe, until):
+    """told(*words) runs the command to its end while the probe answers; returns exit code, output and errors."""
+
+    def told(*words):
+        process = ros2(*words)
+        until(lambda: process.poll() is not None, probe)
+        output = process.communicate()[0]
+        return process.returncode, output
+
+    return told
+
+
+@pytest.fixture
+def points(probe):
+    """The probe publishes a stamped point on /point, 100 times a second."""
+    output = probe.create_publisher(PointStamped, "/point", 10)
+
+    def publish():
+        message = PointStamped()
+        message.header.stamp, message.point.x = probe.get_clock().now().to_msg(), 1.5
+        output.publish(message)
+
+    probe.create_timer(0.01, publish)
+    return output
+
+
+def test_it_tells_of_the_graph(told, points):
+    assert "/probe" in told("node", "list")[1].splitlines()
+    assert "/point [geometry_msgs/msg/PointStamped]" in told("topic", "list", "-t")[1].splitlines()
+    assert told("topic", "type", "/point") == (0, "geometry_msgs/msg/PointStamped\n")
+    assert told("topic", "find", "geometry_msgs/PointStamped") == (0, "/point\n")
+    code, text = told("topic", "info", "-v", "/point")
+    assert code == 0 and text.startswith("Type: geometry_msgs/msg/PointStamped\n\nPublisher count: 1\n\nNode name: probe\n")
+    assert "    /point: geometry_msgs/msg/PointStamped\n" in told("node", "info", "/probe")[1]
+    assert "/probe/set_parameters [rcl_interfaces/srv/SetParameters]" in told("service", "list", "-t")[1].splitlines()
+    assert "  use_sim_time (type: boolean)" in told("param", "list", "/probe", "--param-type")[1].splitlines()
+    for words in ("topic info /nothing", "topic echo /nothing", "node info /nobody", "param get /nobody use_sim_time"):
+        assert told(*words.split())[0] == 1, words
+    assert told("topic", "type", "/nothing") == (1, "")
+
+
+def test_it_prints_messages(told, points):
+    whole = yaml.safe_load(told("topic", "echo", "/point", "--once")[1].removesuffix("---\n"))
+    assert whole["header"].keys() == {"stamp", "frame_id"} and whole["point"] == {"x": 1.5, "y": 0.0, "z": 0.0}
+    assert told("topic", "echo", "/point", "--once", "--field", "point") == (0, "x: 1.5\ny: 0.0\nz: 0.0\n---\n")
+    assert told("topic", "echo", "/point", "--once", "--field", "point.x") == (0, "1.5\n---\n")
+    assert told("topic", "echo", "/point", "--once", "--csv", "--field", "point", "--qos-reliability", "best_effort") == (
+        0,
+        "1.5,0.0,0.0\n",
+    )
+    assert told("topic", "echo", "/point", "--once", "--field", "pint")[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("verb", "number"), [("hz", r"average rate: ([\d.]+)\n"), ("bw", r"([\d.]+) (?:K?B)/s from"), ("delay", r"average delay: ([\d.]+)\n")]
+)
+def test_it_measures_a_topic_until_it_is_interrupted(ros2, probe, until, points, verb, number):
+    process = ros2("topic", verb, "/point", "-w", "50")
+    os.set_blocking(process.stdout.fileno(), False)
     lines = []
-    until(lambda: lines.extend(rate.stdout.readlines()) or any("average rate" in line for line in lines), probe)
-    assert float(next(line for line in lines if "average" in line).split()[-1]) == pytest.approx(100.0, rel=0.3)  # of a busy machine
-    rate.send_signal(signal.SIGINT)
-    assert rate.wait(timeout=20) == 0
+    until(lambda: lines.extend(process.stdout.readlines()) or re.search(number, "".join(lines)), probe)
+    found = float(re.search(number, "".join(lines))[1])
+    if verb == "hz":
+        assert found == pytest.approx(100.0, rel=0.5)  # of a busy machine
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=20) == 0
 
 
-def test_it_calls_services(ros2, probe, until):
+def test_it_publishes(told, probe):
+    got = []
+    probe.create_subscription(MultiDOFJointTrajectory, "/goal", got.append, 10)
+    values = "{header: auto, joint_names: [ball], points: [{transforms: [{translation: {x: 2}}], time_from_start: {sec: 1}}]}"
+    code, text = told("topic", "pub", "-t", "2", "-r", "20", "/goal", "trajectory_msgs/msg/MultiDOFJointTrajectory", values)
+    assert code == 0 and "publishing #2: trajectory_msgs.msg.MultiDOFJointTrajectory(" in text
+    assert len(got) == 2 and got[0].header.stamp.sec > 0 and got[0].joint_names == ["ball"]
+    assert got[0].points[0].transforms[0].translation.x == 2.0 and got[0].points[0].time_from_start.sec == 1
+
+
+def test_it_calls_services(told, probe):
     asked = []
 
     def serve(request, response):
@@ -67,11 +131,15 @@ def test_it_calls_services(ros2, probe, until):
         return response
 
     probe.create_service(SetBool, "/arm/enable", serve)
-    good, bad = (ros2("service", "call", "/arm/enable", "std_srvs/srv/SetBool", f"{{{field}: true}}") for field in ("data", "date"))
-    until(lambda: good.poll() is not None and bad.poll() is not None, probe)
-    assert good.communicate()[0] == "success: false\nmessage: done\n"
+    code, text = told("service", "call", "/arm/enable", "std_srvs/srv/SetBool", "{data: true}")
+    assert code == 0 and "response:\nstd_srvs.srv.SetBool_Response(success=False, message='done')\n" in text
     assert asked == [True]
-    assert bad.returncode == 1 and "whose fields are {'data': 'boolean'}" in bad.communicate()[0]
+    for kind, values in (("std_srvs/srv/SetBool", "{date: true}"), ("std_srvs/srv/Trigger", "{}"), ("std_srvs/msg/No", "{}")):
+        assert told("service", "call", "/arm/enable", kind, values)[0] == 1
+    nested = "{parameters: [{name: speed, value: {type: 3, double_value: 0.5}}]}"
+    probe.declare_parameter("speed", 1.0)
+    assert told("service", "call", "/probe/set_parameters", "rcl_interfaces/srv/SetParameters", nested)[0] == 0
+    assert probe.get_parameter("speed").value == 0.5
 
 
 def test_launch_starts_named_nodes_and_leaves_none(ros2, probe, until, tmp_path):

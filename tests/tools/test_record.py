@@ -19,8 +19,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from tt_core.ros.bags import TYPES, Bag, BagError
 from tt_tools import record
+from tt_tools.bagfile import SplitRule
+from tt_tools.describe import describe, lines
 from tt_tools.record import Recording
-from tt_tools.reindex import describe, reindex
+from tt_tools.reindex import compress, reindex
 
 POINT = TYPES.types["geometry_msgs/msg/Point"]
 START = 1_700_000_000_000_000_000  # ns
@@ -160,10 +162,60 @@ def test_what_cannot_be_reindexed_says_so(tmp_path):
 def test_a_description_tells_size_and_counts(tmp_path, form):
     rows = [("/point", "geometry_msgs/msg/Point", START + i * PERIOD, POINT(float(i), 2.0, -1.0)) for i in range(1001)]
     path = FORMS[form](tmp_path, rows)
-    file = path if path.is_file() else next(path.glob("bag.*"))
-    table = describe(path)
-    assert str(table.title) == f"{path}: 1001 messages on 1 topics in 1.0 s, {file.stat().st_size / 1e6:.1f} MB"
-    assert [list(column.cells) for column in table.columns] == [["/point"], ["geometry_msgs/msg/Point"], ["1001"], ["1001.0"], [""]]
+    found = describe(path, sizes=True)
+    assert (found.start, found.end, found.files) == (START, START + 1000 * PERIOD, [file_of(path).name])
+    assert (found.size, found.sizes) == (file_of(path).stat().st_size, {"/point": 1001 * len(point(0))})
+    text = list(lines(found, "count"))
+    assert "Topic information: Topic: /point | Type: geometry_msgs/msg/Point | Count: 1001 | Size Contribution:" in " ".join(text)
+    assert f"Storage id:        {'rosbag_v1' if form == 'ros1' else form}" in text and "Duration:          1.000000000s" in text
+
+
+def file_of(path):
+    return path if path.is_file() else next(path.glob("bag.*"))
+
+
+@pytest.mark.parametrize(("split", "least"), [(SplitRule(size=500_000), 5), (SplitRule(duration=0.01), 3), (SplitRule(500_000, 0.01), 5)])
+def test_a_recording_is_split_and_reads_as_one(tmp_path, split, least):
+    recording = begin(tmp_path / "bag", split=split)
+    recording.attach("note.txt", "text/plain", "ä")
+    for i in range(40):
+        recording.add("/image", START + i * PERIOD, IMAGE)
+    summary = recording.close()
+    found = describe(tmp_path / "bag")
+    assert least <= len(found.files) == len(list((tmp_path / "bag").glob("*.mcap")))
+    assert found.attachments == ["note.txt"] and summary.counts == {"/image": 40} and found.topics[0].count == 40
+    if split.size:
+        assert max(file.stat().st_size for file in (tmp_path / "bag").glob("*.mcap")) < split.size + 2**20 + len(IMAGE)  # and a chunk
+    with Bag(tmp_path / "bag") as reader:
+        assert [message.time for message in reader.messages()] == [START + i * PERIOD for i in range(40)]
+    for file in (tmp_path / "bag").glob("*.mcap"):  # each stands alone
+        with Bag(file) as reader:
+            assert len(list(reader.messages())) == reader.count == reader.topics[0].count
+
+
+@pytest.mark.parametrize("how", ["lz4", "zstd", "afterwards"])
+def test_a_compressed_recording_is_smaller_and_the_same(tmp_path, how):
+    recording = begin(tmp_path / "bag", compression="none" if how == "afterwards" else how)
+    recording.attach("note.txt", "text/plain", "ä")
+    for i in range(40):
+        recording.add("/image", START + i * PERIOD, IMAGE)
+    recording.close()
+    if how == "afterwards":
+        compress(tmp_path / "bag", "zstd")
+    assert describe(tmp_path / "bag").size < 100_000 and describe(tmp_path / "bag").attachments == ["note.txt"]
+    with Bag(tmp_path / "bag") as reader:
+        assert [(message.time, message.data) for message in reader.messages()] == [(START + i * PERIOD, IMAGE) for i in range(40)]
+
+
+def test_attachments_outlive_a_crash(tmp_path):
+    recording = begin(tmp_path / "bag")
+    recording.attach("note.txt", "text/plain", "ä")
+    fill(recording, lambda: recording._bag.counts.get("/image", 0) > 30)
+    recording.close()
+    with (tmp_path / "bag" / "bag.mcap").open("r+b") as stream:
+        stream.truncate(int(0.7 * (tmp_path / "bag" / "bag.mcap").stat().st_size))
+    assert reindex(tmp_path / "bag").counts["/image"] > 10
+    assert describe(tmp_path / "bag").attachments == ["note.txt"]
 
 
 ARRAY = TYPES.types["std_msgs/msg/UInt8MultiArray"](TYPES.types["std_msgs/msg/MultiArrayLayout"]([], 0), np.zeros(100_000, np.uint8))
@@ -207,7 +259,9 @@ def check(bag, summary, sent):
     assert len(found) == written > 10
     assert [message.time for message in found] == sorted(message.time for message in found)
     assert all(message.data == IMAGE for message in found)
-    assert f"dropped because the disk was full or slow: {summary.dropped['/image']} of /image" in str(describe(bag).title)
+    assert describe(bag).losses["dropped"] == summary.dropped and f"Count: {summary.dropped['/image']} because" in "".join(
+        lines(describe(bag))
+    )
 
 
 @pytest.fixture
@@ -286,7 +340,7 @@ def test_a_slow_disk_is_told_and_holds_nobody_up(tmp_path, monkeypatch):
 
 def test_one_slow_write_is_told_while_it_lasts(tmp_path, monkeypatch):
     recording, gate = begin(tmp_path / "bag"), threading.Event()
-    monkeypatch.setattr(recording._bag, "make_room", lambda size: gate.wait(60.0))
+    monkeypatch.setattr(recording._bag, "make_room", lambda *_: gate.wait(60.0))
     recording.add("/image", START, IMAGE)
     start = time.monotonic()
     wait(lambda: recording.state().trouble == "the disk is slow")

@@ -6,8 +6,11 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from tt_core.params import from_values
 from tt_vision import calibrate
 from tt_vision.camera import Camera
+from tt_vision.camera_node import Intrinsics
+from tt_vision.estimate_node import read_poses
 from tt_vision.rig import high_speed_pair
 
 SQUARE, COLUMNS, ROWS = 0.025, 9, 6  # m, inner corners
@@ -73,6 +76,24 @@ def test_images_of_a_board_give_the_camera(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         run(monkeypatch, "board", tmp_path / "none.png", "--square", SQUARE)
     assert "must show the whole board" in capsys.readouterr().err
+
+
+def test_one_file_holds_what_the_nodes_need_of_both_cameras(tmp_path, monkeypatch):
+    rig = high_speed_pair()
+    for name, camera in zip(("left", "right"), rig, strict=True):
+        points = np.array([2.52, 0.7625, 0.365]) + np.random.default_rng(0).uniform(-0.05, 0.05, (30, 3))
+        np.savetxt(tmp_path / "points.csv", np.column_stack([points, camera.project(points)]), delimiter=",")
+        run(monkeypatch, "--out", tmp_path, "--name", name, "points", tmp_path / "points.csv", "--focal-length", 0.035)
+    content = yaml.safe_load((tmp_path / "cameras.yaml").read_text())
+    values = {node: entry["ros__parameters"] for node, entry in content.items()}
+    poses = read_poses(lambda kind, prefix="": from_values(kind, values["/**/estimate"], prefix))
+    for name, found, true in zip(("left", "right"), poses, rig, strict=True):
+        assert found.position == pytest.approx(true.position, abs=0.01)  # m
+        intrinsics = from_values(Intrinsics(), values["/**/camera"], f"{name}.")
+        assert np.reshape(intrinsics.matrix, (3, 3)) == pytest.approx(true.matrix, rel=0.01, abs=1.0)
+    (tmp_path / "cameras.yaml").write_text("[1]")
+    with pytest.raises(SystemExit):
+        run(monkeypatch, "--out", tmp_path, "points", tmp_path / "points.csv")
 
 
 def test_what_cannot_be_read_says_so(tmp_path, monkeypatch, capsys):

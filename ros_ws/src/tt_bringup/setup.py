@@ -20,6 +20,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
+        ("lib/tt_bringup", ["scripts/compare", "scripts/reprocess"]),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
     ],

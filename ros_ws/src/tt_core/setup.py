@@ -14,5 +14,4 @@ setup(
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": []},
 )

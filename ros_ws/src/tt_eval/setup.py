@@ -10,16 +10,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_eval"]),
         ("share/tt_eval", ["package.xml"]),
+        ("lib/tt_eval", ["scripts/evaluate", "scripts/experiment", "scripts/fit_sensor_error", "scripts/sweep"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": [
-            "experiment = tt_eval.experiments.main:main",
-            "fit_sensor_error = tt_eval.sensor_error_fit:main",
-            "sweep = tt_eval.sweep:main",
-            "evaluate = tt_eval.evaluate:main",
-        ]
-    },
 )

@@ -10,10 +10,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_predict"]),
         ("share/tt_predict", ["package.xml"]),
-        ("lib/tt_predict", ["scripts/predict_node"]),
+        ("lib/tt_predict", ["scripts/identify", "scripts/predict_node"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["identify = tt_predict.identify:main"]},
 )

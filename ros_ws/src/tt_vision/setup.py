@@ -10,12 +10,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_vision"]),
         ("share/tt_vision", ["package.xml"]),
-        ("lib/tt_vision", ["scripts/camera_node", "scripts/estimate_node"]),
+        ("lib/tt_vision", ["scripts/calibrate", "scripts/camera_node", "scripts/estimate_node"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": ["calibrate = tt_vision.calibrate:main"],
-    },
 )

@@ -10,6 +10,8 @@ import sys
 import threading
 import time
 from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock
@@ -56,6 +58,17 @@ TELL = 0.2  # s, at least, between two reports of what stops the arm
 LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
+class ArmLine(Enum):
+    """What the terminal tells."""
+
+    SWING = "swing: strikes in {ahead:.3f} s, joints at most at {ratio:.0%} of their speed limits"
+    NO_SWING = "no swing: {reason}"
+    HELD = "held or limited: {reason}"
+    FREE = "moves as its swings ask"
+    ENABLED = "enabled"
+    DISABLED = "disabled"
+
+
 @dataclass(frozen=True)
 class ArmParams:
     """The arm, and what it may do."""
@@ -98,6 +111,7 @@ class ArmNode(Node):
         if len(self.joints) != len(model.names):
             raise BadShape("joints", (len(self.joints),), (len(model.names),))
         self.rtf = params.rtf
+        self.about = f"robot {Path(params.urdf or str(URDF)).stem} with {len(self.joints)} joints"
         self.control = ArmControl(
             model,
             declare(self, SwingLimits, "swing."),
@@ -225,11 +239,13 @@ class ArmNode(Node):
         failure = self.wrong_clock(stamp)
         if failure is not None:
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
+            self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
+            self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
             return
         self.frame_time = stamp
         self.status.publish(
@@ -243,6 +259,7 @@ class ArmNode(Node):
             turning=f"{selected.reach.turning:.2f}",
             reasons=reasons,
         )
+        self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
         self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
 
     def wrong_clock(self, stamp: float) -> Failure | None:
@@ -257,6 +274,7 @@ class ArmNode(Node):
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Switch motion on or off, the service arm/enable."""
         self.control.enable(request.data)
+        self.status.terminal.info(ArmLine.ENABLED if request.data else ArmLine.DISABLED)
         response.success, response.message = True, "enabled" if request.data else "disabled"
         return response
 
@@ -291,6 +309,10 @@ class ArmNode(Node):
         if kind != self.told and now > self.told_at + TELL:
             self.told, self.told_at = kind, now
             self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
+            if reason is None:
+                self.status.terminal.info(ArmLine.FREE)
+            else:
+                self.status.terminal.warn(ArmLine.HELD, reason=reason)
 
     def close(self) -> None:
         """Bring the arm to rest before the context ends."""

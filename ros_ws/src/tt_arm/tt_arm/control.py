@@ -216,20 +216,20 @@ class ArmControl:
         if clock_went_back:  # what is planned is for times of the old clock
             self._forget()
         self.joints = joints = accepted
+        age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
         damage = self.guard.look(joints, self.states.gap)
         stopped = self.stopped_by or damage or self._paused(now)
         if stopped is not None:
             self._forget()
             self._arriving = self._arriving or damage is not None
-            return ControlStep(self.guard.stop(now, joints), stopped)
+            return ControlStep(self.guard.stop(now, joints, age), stopped)
         interrupted = (self.states.gap and self._resume(joints)) or interrupted
         if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
-            return ControlStep(self.guard.stop(now, joints), self._rest, interrupted=interrupted)
+            return ControlStep(self.guard.stop(now, joints, age), self._rest, interrupted=interrupted)
         self._rest = None
         self.guard.speed_scale = self._speed
         if (np.abs(self.guard.last) > self._speed * self.model.speed_limits + 1e-9).any():
-            return ControlStep(self.guard.stop(now, joints), Failure(ArmStop.SLOWING, scale=self._speed))
-        age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
+            return ControlStep(self.guard.stop(now, joints, age), Failure(ArmStop.SLOWING, scale=self._speed))
         return self._follow(joints, now, age, interrupted)
 
     def refuse(self, now: float, failure: Failure) -> ControlStep:
@@ -340,7 +340,7 @@ class ArmControl:
             try:
                 self.swing = plan(self.model, joints, None, joints.time, self._limits)
             except TtError as error:
-                return ControlStep(self.guard.stop(now, joints), self._does_not_follow(now, error))
+                return ControlStep(self.guard.stop(now, joints, age), self._does_not_follow(now, error))
         wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
         command, cut = self.guard.check(joints, wanted, now, planned, age)

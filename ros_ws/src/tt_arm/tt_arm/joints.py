@@ -15,6 +15,7 @@ ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint in swings; the PA10 then n
 JERK = 4000.0  # rad/s^3 or m/s^3 of each joint in swings; our choice: 5 ms from rest to the full acceleration
 NO_ACCELERATION_LIMIT, NO_JERK_LIMIT = 1e4, 1e7  # rad or m, s; limits of a joint whose description states none
 COMMAND_TIMEOUT = 0.1  # s for which the drives hold a command, as in the drives of real arms
+HOLD_RESERVE = 0.04  # s more for which a command may act: its transport, and a process that is held up twice; our choice, costs no stroke
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,7 +26,7 @@ from .ik.newton import Target, newton
 from .ik.posture_cost import PostureWeights, turning_rate
 from .ik.posture_search import ATLAS_SIZE, any_posture, search
 from .ik.velocity_allocation import ONES, least_shares, steady_rows
-from .joints import COMMAND_TIMEOUT, JointBounds, JointLimits
+from .joints import COMMAND_TIMEOUT, HOLD_RESERVE, JointBounds, JointLimits
 from .kinematics import Chain, forward
 from .model import ArmModel
 
@@ -79,9 +79,9 @@ class ReachParams:
         high=1000.0,
     )
     command_timeout: float = param(
-        COMMAND_TIMEOUT,
+        COMMAND_TIMEOUT + HOLD_RESERVE,
         "s",
-        "time for which a drive may hold its speed before it brakes; set by the stroke selection to that of swings",
+        "time for which a joint may keep its speed before it brakes; set by the stroke selection to that of swings",
         low=0.0,
         high=10.0,
     )
@@ -230,10 +230,10 @@ def reach(
     if method in ("near", "any"):
         found = nearest(racket.position.copy(), racket.normal, racket.velocity.copy(), seed, limits.bounds, model.chain)
         return _rated(limits, found.q, found.qdot, found.rating) if found.found else _failed(seed, ReachFailure.NOT_CONVERGED)
-    q = dissertation.posture(model, racket, seed)
-    if q is None:
+    posture = dissertation.posture(model, racket, seed)
+    if posture is None:
         return _failed(seed, ReachFailure.NOT_CONVERGED)
-    return _compared(model, limits, q, dissertation.joint_speeds(model, q, racket.velocity))
+    return _compared(model, limits, posture, dissertation.joint_speeds(model, posture, racket.velocity))
 
 
 def adjust(model: ArmModel, racket: RacketState, before: Reach, limits: JointLimits | None = None) -> Reach:

@@ -160,7 +160,7 @@ def _try(
             swing_time=min(MOST_TIME, max(LEAST_TIME, left - spare)),
             acceleration=limits.acceleration,
             return_weight=weight,
-            command_timeout=limits.command_timeout,
+            command_timeout=limits.hold,
         )
         joints = model.limits.reduced(speed=limits.speed_share)
         target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=params.method, limits=joints)

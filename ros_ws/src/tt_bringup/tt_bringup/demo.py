@@ -35,6 +35,8 @@ from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.states import BallState, ReturnGoal
 from tt_racket.goal import GoalParams, default_goal
 from tt_tools import launch
+from tt_tools.graph import graph as graph_of_tools
+from tt_tools.graph import nodes
 
 from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line
 from .report import page
@@ -197,6 +199,14 @@ def free_domain() -> None:
         free_domain.held = stack.pop_all()  # type: ignore[attr-defined]
 
 
+def refuse_neighbours() -> None:
+    """Raise TtError if other nodes are on the domain: their balls and ours would mix."""
+    with graph_of_tools() as node:
+        others = nodes(node)
+    if others:
+        raise TtError(f"domain {os.environ['ROS_DOMAIN_ID']} has nodes already: {', '.join(others)}; end them or set another ROS_DOMAIN_ID")
+
+
 def arguments() -> argparse.Namespace:
     """Read and check the command line."""
     parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
@@ -212,6 +222,12 @@ def arguments() -> argparse.Namespace:
     args.out = args.out or Path("out") / time.strftime("demo_%Y%m%d_%H%M%S")
     if (args.out / "bag").exists():
         parser.error(f"--out {args.out} holds a recording already")
+    try:  # what cannot be written is told before the run, not after it
+        args.out.mkdir(parents=True, exist_ok=True)
+        if args.json:
+            args.json.touch()
+    except OSError as error:
+        parser.error(f"cannot write: {error}")
     return args
 
 
@@ -231,7 +247,6 @@ def main() -> None:
     """Play the demo and write its recording, page and figures."""
     args = arguments()
     out = args.out.absolute()
-    out.mkdir(parents=True, exist_ok=True)
     free_domain()
     simulated = "false" if args.rtf == 1.0 else "true"
     given = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu", "record": "true", "output": out / "bag"}
@@ -239,6 +254,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     log = (out / "log.txt").open("w", buffering=1)
     try:
+        refuse_neighbours()
         with graph([f"{name}:={value}" for name, value in given.items()], log) as running:
             rclpy.init()
             try:
@@ -257,7 +273,11 @@ def main() -> None:
         raise SystemExit(1) from error
     print(summary(scores))
     bag, report = args.out / "bag", args.out / "report.html"
-    report.write_text(page(bag, scores))
+    try:
+        report.write_text(page(bag, scores))
+    except (TtError, OSError) as error:
+        print(f"demo: no page: {error}", file=sys.stderr)
+        raise SystemExit(1) from error
     print(f"recorded: {bag}\nfigures:  {report}")
     if args.json:
         args.json.write_text(json.dumps({"balls": [s.as_dict() for s in scores], "bag": str(bag)}, indent=1) + "\n")

@@ -47,21 +47,31 @@ def flights(ball: BallState, physics: Physics) -> BallPath:
 def main() -> None:
     """Compile in two processes."""
     physics, (ball, _) = Physics.liu(), _launched()
+    _tell("flight and rebounds")
     path = flights(ball, physics)
     beside = multiprocessing.get_context("spawn").Process(target=images)
     beside.start()
+    _tell("images and measurement beside: prediction")
     uncertainty(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
+    _tell("strokes")
     goal = default_goal(ball.spin, GoalParams())
     intercept(path, goal, physics, InterceptParams())
     solve(path.end, goal, physics, method="sam")
+    _tell("arm")
     arm = ArmModel.pa10()
     warm_arm(arm)
     warm_hardware(Plant(arm))
+    _tell("rallies")
     for scenario in ("liu", "real"):
         sweep_metrics(play(load(scenario, images=False), 0))
     beside.join()
     sys.exit(beside.exitcode)
+
+
+def _tell(what: str) -> None:
+    """Tell what is compiled now, as it takes a minute or more."""
+    print(f"  {what}", flush=True)
 
 
 def _launched() -> tuple[BallState, Array]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import field, fields
 from typing import Any
 
-from .errors import BadChoice, BadShape, check_range
+from .errors import BadChoice, BadShape, TtError, check_range
 
 
 def param(
@@ -62,3 +62,40 @@ def check_value(name: str, value: Any, default: Any, metadata: Mapping[str, Any]
             raise BadChoice(name, value, metadata["choices"])
     elif not isinstance(value, bool):
         check_range(name, value, metadata["low"], metadata["high"])
+
+
+def coerce(name: str, value: Any, default: Any) -> Any:
+    """Return `value` in the type of `default`; integers stand for floats and for their digits, lists for tuples. Raises TtError."""
+    kind = type(default)
+    if kind is str and isinstance(value, int) and not isinstance(value, bool):
+        return str(value)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if kind is tuple and hasattr(value, "__len__") and not isinstance(value, (str, bytes)):
+        return tuple(coerce(f"{name}[{i}]", v, default[0]) if default else v for i, v in enumerate(value))
+    if not isinstance(value, kind):
+        raise TtError(f"parameter {name} = {value!r} is not of type {kind.__name__}")
+    return value
+
+
+def from_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> Any:
+    """Return an instance of a dataclass of `param` fields with the values that a parameter file has.
+
+    Args:
+        kind: The dataclass, or an instance of it, which has the defaults.
+        values: By full name; a name that is missing and NaN stand for the default.
+        prefix: Before the name of each field, e.g. "swing.".
+
+    Raises:
+        TtError: A value has the wrong type or is outside its range.
+    """
+    default = kind() if isinstance(kind, type) else kind
+    found = {}
+    for f in fields(default):
+        name, standard = prefix + f.name, getattr(default, f.name)
+        value = values.get(name)
+        is_unset = value is None or (isinstance(value, float) and math.isnan(value))
+        found[f.name] = standard if is_unset else coerce(name, value, standard)
+        if f.metadata:
+            check_value(name, found[f.name], f.default, f.metadata)
+    return type(default)(**found)

@@ -31,6 +31,14 @@ def check_memory() -> None:
             sys.exit(2)
 
 
+def print_help(module: str) -> None:
+    """Print what a node does, and how it takes parameters."""
+    name = module.rpartition(".")[2]
+    print(f"usage: {name} [--ros-args [-p NAME:=VALUE] [-r OLD:=NEW] [--params-file FILE] [--log-level LEVEL]]\n")
+    print(importlib.import_module(module).__doc__)
+    print("Parameters: docs/parameters.md; of a running node: ros2 param describe NODE NAME")
+
+
 def start(module: str) -> None:
     """Import `module`, call its main() and exit.
 
@@ -42,6 +50,9 @@ def start(module: str) -> None:
     """
     default_signals()
     check_memory()
+    if module.endswith("_node") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
+        print_help(module)
+        return
     sys.exit(importlib.import_module(module).main())
 
 

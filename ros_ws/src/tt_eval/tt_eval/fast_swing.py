@@ -138,7 +138,7 @@ def _has_torque(plant: Plant, joints: Array, tick: float) -> bool:
 def _controller(control: ArmControl) -> Controller:
     guard, limits = control.guard.params.of_joints(control.model).bounds, control.limits
     speed, braking = np.array(control.model.speed_limits), np.array(limits.of_joints(control.model).acceleration)
-    return Controller(control.servo.lead, control.servo.gain, control.params.lost, limits.command_timeout, speed, guard, braking)
+    return Controller(control.servo.lead, control.servo.gain, control.params.lost, limits.hold, speed, guard, braking)
 
 
 def rally(

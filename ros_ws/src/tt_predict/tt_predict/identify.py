@@ -337,7 +337,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"identify: {error}", file=sys.stderr)
         return 2
     table = Table(
-        "coefficient", "was", "is", "95 %", title=f"{len(flights)} flights: rms {1e3 * found.rms[0]:.2f} -> {1e3 * found.rms[1]:.2f} mm"
+        "coefficient", "was", "is", "95 %", title=f"{len(flights)} flights: rms {1e3 * found.rms[0]:.3g} -> {1e3 * found.rms[1]:.3g} mm"
     )
     for name, value, half in zip(found.names, found.values, found.intervals, strict=True):
         table.add_row(name, f"{coefficient(physics, name):.5g}", f"{value:.5g}", f"+- {half:.2g}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,12 @@ from .rollout import StopRule, rollout, thinned
 from .uncertainty import uncertainty
 
 LARGEST_STATE = 4096  # bytes: a state has 730
+
+
+class PredictLine(Enum):
+    """What the terminal tells."""
+
+    PATH = "path: bounces {bounces}, {seconds:.2f} s long, ends at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,8 @@ class PredictNode(Node):
             self.refused(error)
             return
         self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
+        place = dict(zip("xyz", path.end.position, strict=True))
+        self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
         """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin."""

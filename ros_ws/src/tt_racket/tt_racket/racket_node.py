@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from rclpy.node import Node
@@ -26,6 +27,16 @@ from .stroke import solve
 
 LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
 LARGEST_GOAL = 4096  # bytes: one point has 200
+
+
+class RacketLine(Enum):
+    """What the terminal tells."""
+
+    STROKES = (
+        "{count} strokes; the best hits at x {x:.2f}, y {y:.2f}, z {z:.2f} m with {speed:.1f} m/s; to land at {landing[0]:.2f}, "
+        "{landing[1]:.2f} m after {seconds:.2f} s, {relaxed}"
+    )
+    NO_STROKE = "no stroke: {reason}"
 
 
 @dataclass(frozen=True)
@@ -93,6 +104,18 @@ class RacketNode(Node):
             found=len(rackets),
             relaxed=found.relaxed[0] if found.relaxed else "",
             refused="; ".join(sorted({str(failure) for _, failure in found.refused})),
+        )
+        if not rackets:
+            self.status.terminal.warn(RacketLine.NO_STROKE, reason=found.reason)
+            return
+        self.status.terminal.info(
+            RacketLine.STROKES,
+            count=len(rackets),
+            speed=np.linalg.norm(rackets[0].velocity),
+            landing=goal.landing,
+            seconds=goal.flight_time,
+            relaxed=found.relaxed[0],
+            **dict(zip("xyz", rackets[0].position, strict=True)),
         )
 
 

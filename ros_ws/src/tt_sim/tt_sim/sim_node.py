@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,20 @@ SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another o
 LARGEST = 4096  # bytes of a command
 PAUSE = 0.25  # s, at least, between two reports of refused commands
 DARK = 8  # grey level of an image without a ball
+
+
+class SimLine(Enum):
+    """What the terminal tells."""
+
+    LANDED = (
+        "ball {number}, {shot}: {result}; hit {offset:.0f} mm off the centre, came down at {landing[0]:.2f}, {landing[1]:.2f} m "
+        "after {seconds:.2f} s"
+    )
+    OVER = "ball {number}, {shot}: {result}"
+    COMMAND_REFUSED = "command refused: {error}"
+    PUBLISHERS = "commands refused: {count} publishers, {names}"
+    BRAKES = "the drives brake: no command in time"
+    FOLLOWS = "the drives follow commands"
 
 
 class SimNode(Node):
@@ -148,9 +163,9 @@ class SimNode(Node):
         self.loop.rate = launcher.rate
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
+        """Hand the joint velocities of a command to the drive, as of its arrival; count and report a command that the drive refuses."""
         try:
-            self.drive.take(message.data, time.monotonic())
+            self.drive.take(message.data, time.monotonic() - self.commands.waited)
         except TtError as error:
             self.on_refused(error)
 
@@ -160,6 +175,7 @@ class SimNode(Node):
         if time.monotonic() - self.refusal_told >= PAUSE:
             self.refusal_told = time.monotonic()
             self.status.publish(f"command refused: {error}", warn=True, refused=self.refused)
+            self.status.terminal.warn(SimLine.COMMAND_REFUSED, error=error)
 
     def check_sole_publisher(self) -> None:
         """Make the drive ignore all commands while more than one node publishes them."""
@@ -169,6 +185,8 @@ class SimNode(Node):
             self.drive.sole = sole
             text = "commands obeyed: one publisher" if sole else f"commands refused: {len(names)} publishers, {', '.join(sorted(names))}"
             self.status.publish(text, warn=not sole)
+            if not sole:
+                self.status.terminal.warn(SimLine.PUBLISHERS, count=len(names), names=", ".join(sorted(names)))
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Launch the next ball, unless balls are launched at a rate or one is in flight."""
@@ -244,6 +262,7 @@ class SimNode(Node):
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""
         self.status.publish("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
+        self.status.terminal.info(SimLine.BRAKES if is_braking else SimLine.FOLLOWS)
 
     def report_record(self, record: ArmRecord) -> None:
         """Report the worst that the true arm did."""
@@ -254,6 +273,13 @@ class SimNode(Node):
         """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""
         self.busy.clear()
         self.status.publish(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
+        values = {"number": launch.number, "shot": launch.shot, "result": outcome.result.value}
+        hit, landing = outcome.hit, outcome.landing
+        if hit is None or landing is None:
+            self.status.terminal.info(SimLine.OVER, **values)
+            return
+        values |= {"landing": landing.before.position, "seconds": landing.before.time - hit.before.time}
+        self.status.terminal.info(SimLine.LANDED, offset=1e3 * hit.offset, **values)
 
     def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
         """Publish what `convert` makes of the values, in the message that was published there last."""

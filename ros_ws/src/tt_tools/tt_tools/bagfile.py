@@ -1,4 +1,4 @@
-"""Write a rosbag2 directory of one MCAP file that can be closed even when the disk has become full."""
+"""Write a rosbag2 directory of MCAP files that can be closed even when the disk has become full."""
 
 from __future__ import annotations
 
@@ -6,23 +6,27 @@ import errno
 import io
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from rosbags.interfaces import Connection, Qos
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.errors import WriterError
-from rosbags.rosbag2.storage_mcap import McapWriter
+import yaml
+from mcap.writer import CompressionType, Writer
+from rosbags.interfaces import Qos
+from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
 from tt_core.ros.bags import TYPES, BagError
 
 RESERVE = 64 * 2**20  # bytes of the disk that stay free
 AHEAD = 16 * 2**20  # bytes by which the file is allocated ahead
-CHUNK = 2**20  # bytes of messages that the MCAP writer of rosbags puts into one chunk
+CHUNK = 2**20  # bytes of messages in one chunk: 8 MB stalled
 PER_MESSAGE, PER_CHUNK, PER_CHUNK_AND_TOPIC = 64, 256, 32  # bytes in the file beside the data, at most
 PER_BAG, PER_TOPIC, PER_PUBLISHER = 2**16, 4096, 4096  # bytes in channels, index and metadata, at most
+COMPRESSIONS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
+VERSION = 9  # of metadata.yaml, that of rosbag2 in ROS 2 Jazzy
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,7 @@ class Summary:
         directory: The bag.
         counts: Messages in it, by topic.
         duration: s, from the first to the last message.
-        size: Bytes of its file.
+        size: Bytes of its files.
         dropped: Messages that were not written, by topic, because the disk was full or slow.
         missed: Messages that never arrived, by topic, as the middleware tells.
     """
@@ -55,11 +59,20 @@ class Summary:
 
 
 class _File(io.BufferedWriter):
-    """A file that is allocated before it is written and cut to its content when it is closed."""
+    """A file that is allocated before it is written and cut to its content when it is closed.
 
-    def __init__(self, raw: io.RawIOBase, reserve: int) -> None:
-        super().__init__(raw)
-        self._reserve, self._allocated, self.free = reserve, 0, 0
+    Attributes:
+        free: Bytes free on the disk at the last allocation.
+        position: Bytes written.
+    """
+
+    def __init__(self, path: Path, reserve: int) -> None:
+        super().__init__(io.FileIO(path, "x"))
+        self._reserve, self._allocated, self.free, self.position = reserve, 0, 0, 0
+
+    def write(self, data: Any, /) -> int:
+        self.position += len(data)
+        return super().write(data)
 
     def allocate(self, size: int) -> None:
         """Have at least `size` bytes for the file. Raises OSError if the disk would be left with less than the reserve."""
@@ -83,42 +96,121 @@ class _File(io.BufferedWriter):
         super().close()
 
 
+class _Topic(NamedTuple):
+    """A topic as MCAP and metadata.yaml have it."""
+
+    name: str
+    kind: str
+    definition: bytes
+    hash: str
+    offered: tuple[Qos, ...]
+
+
+@dataclass
+class _Part:
+    """One file of a bag. first, last: ns, of its messages; 0 without any."""
+
+    path: Path
+    file: _File
+    writer: Writer
+    channels: dict[str, int] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    first: int = 0
+    last: int = 0
+    pending: int = 0  # bytes of the chunk that is not written yet, at most
+    chunks: int = 0
+
+    def information(self) -> dict[str, Any]:
+        """Return what metadata.yaml tells of the file."""
+        return {"path": self.path.name, **_span(self.first, self.last), "message_count": self.counts.total()}
+
+
+def _span(first: int, last: int) -> dict[str, Any]:
+    return {"starting_time": {"nanoseconds_since_epoch": first}, "duration": {"nanoseconds": last - first}}
+
+
+class SplitRule(NamedTuple):
+    """When the next file of a bag begins.
+
+    Attributes:
+        size: Bytes of a file; 0 for any.
+        duration: s, from the first to the last message of a file; 0 for any.
+    """
+
+    size: int = 0
+    duration: float = 0.0
+
+
+ONE_FILE = SplitRule()
+
+
 class BagFile:
-    """A new bag. A message is taken only if the file has room for it and for the index.
+    """A new bag. A message is taken only if its file has room for it and for the index.
 
     Attributes:
         directory: The bag.
         counts: Messages written, by topic.
     """
 
-    def __init__(self, directory: Path, reserve: int = RESERVE) -> None:
-        """Make the directory and open the file.
+    def __init__(self, directory: Path, reserve: int = RESERVE, *, compression: str = "none", split: SplitRule = ONE_FILE) -> None:
+        """Make the directory and open the first file.
 
         Args:
             directory: The bag, which must not exist.
             reserve: Bytes of the disk that are to stay free.
+            compression: Of chunks, one of COMPRESSIONS.
+            split: When the next file begins.
 
         Raises:
             BagError: If `directory` exists, cannot be made or has no room.
         """
         self.directory, self.counts = Path(directory), dict[str, int]()
-        self._connections: dict[str, Connection] = {}
-        self._first, self._last = 0, 0
-        self._overhead, self._content = PER_BAG, 0  # bytes
+        self._reserve, self._compression, self._split = reserve, compression, split
+        self._topics: dict[str, _Topic] = {}
+        self._overhead = PER_BAG  # bytes
+        self._parts: list[_Part] = []
         try:
-            self._writer = Writer(self.directory, version=9, storage_plugin=StoragePlugin.MCAP)
-            self._writer.open()
-            assert isinstance(self._writer.storage, McapWriter)
-            self._path = self._writer.storage.path
-            self._file = self._writer.storage.bio = _File(self._writer.storage.bio.detach(), reserve)
-            self._file.allocate(self._overhead)
-        except (WriterError, OSError) as error:
+            if self.directory.exists():
+                raise FileExistsError("it exists already")
+            self.directory.mkdir(parents=True)
+            self._begin()
+        except OSError as error:
             raise BagError(f"cannot record to {directory}: {error}") from error
 
     @property
     def free(self) -> int:
         """Bytes free on the disk when the file was last allocated."""
-        return self._file.free
+        return self._part.file.free
+
+    @property
+    def _part(self) -> _Part:
+        return self._parts[-1]
+
+    def _begin(self) -> None:
+        """Open the next file, and close the one before it. Raises OSError if there is no room; then the one before it stays."""
+        suffix = f"_{len(self._parts)}" if self._split != ONE_FILE else ""
+        path = self.directory / f"{self.directory.name}{suffix}.mcap"
+        file = _File(path, self._reserve)
+        try:
+            file.allocate(self._overhead)
+        except OSError:
+            file.close()
+            path.unlink()
+            raise
+        writer = Writer(file, chunk_size=CHUNK, compression=COMPRESSIONS[self._compression])
+        writer.start(profile="ros2")
+        if self._parts:
+            self._finish(self._part)
+        self._parts.append(_Part(path, file, writer))
+        for topic in self._topics.values():
+            self._register(topic)
+
+    def _finish(self, part: _Part, custom: Mapping[str, str] | None = None) -> None:
+        """Write the index of a file and close it."""
+        text = yaml.safe_dump(self._information([part], custom), sort_keys=False)
+        part.writer.add_metadata("rosbag2", {"serialized_metadata": text})
+        part.writer.finish()
+        part.file.close()
 
     def add_topic(self, name: str, kind: str, offered: Sequence[Qos], types: Typestore = TYPES) -> None:
         """Begin a topic.
@@ -129,19 +221,52 @@ class BagFile:
             offered: Quality of service of each publisher.
             types: What defines the type.
         """
-        made = self._writer.add_connection(name, kind, typestore=types, offered_qos_profiles=offered)
-        self._connections[name], self.counts[name] = made, 0
-        self._overhead += 2 * len(made.msgdef.data) + PER_TOPIC + PER_PUBLISHER * len(offered)
+        definition = types.generate_msgdef(kind, ros_version=2)[0].encode()
+        topic = self._topics[name] = _Topic(name, kind, definition, types.hash_rihs01(kind), tuple(offered))
+        self.counts[name] = 0
+        self._overhead += 2 * len(definition) + PER_TOPIC + PER_PUBLISHER * len(offered)
+        self._register(topic)
 
-    def make_room(self, size: int) -> None:
-        """Allocate the file for one more message. Raises OSError if there is no room.
+    def _register(self, topic: _Topic) -> None:
+        """Begin a topic in the present file."""
+        writer = self._part.writer
+        qos = yaml.safe_dump(dump_qos_v9(list(topic.offered)), sort_keys=False).strip()
+        schema = writer.register_schema(topic.kind, "ros2msg", topic.definition)
+        self._part.channels[topic.name] = writer.register_channel(topic.name, "cdr", schema, {"offered_qos_profiles": qos})
+
+    def attach(self, name: str, time: int, media_type: str, data: bytes) -> None:
+        """Add a file to the bag, an attachment of MCAP.
+
+        Args:
+            name: Its name.
+            time: ns, when it was made.
+            media_type: E.g. "application/yaml".
+            data: Its content.
+
+        Raises:
+            OSError: There is no room, or the disk fails.
+        """
+        self._overhead += PER_TOPIC
+        self._allocate(len(data))
+        self._part.writer.add_attachment(time, time, name, media_type, data)
+        self._part.file.flush()  # an attachment is to outlive a crash
+
+    def make_room(self, size: int, time: int) -> None:
+        """Allocate the file for one more message; begin the next file if it is time. Raises OSError if there is no room.
 
         Args:
             size: Bytes of the message.
+            time: ns, when it was received.
         """
-        content = self._content + size + PER_MESSAGE
-        chunks = content // CHUNK + 2
-        self._file.allocate(self._overhead + content + chunks * (PER_CHUNK + PER_CHUNK_AND_TOPIC * len(self._connections)))
+        part, (largest, longest) = self._part, self._split
+        if part.first and ((largest and part.file.position + part.pending >= largest) or (longest and time - part.first >= longest * 1e9)):
+            self._begin()
+        self._allocate(size + PER_MESSAGE)
+
+    def _allocate(self, size: int) -> None:
+        part = self._part
+        index = (part.chunks + 2) * (PER_CHUNK + PER_CHUNK_AND_TOPIC * len(self._topics))
+        part.file.allocate(part.file.position + part.pending + self._overhead + index + size)
 
     def write(self, topic: str, time: int, data: bytes) -> None:
         """Write a message for which there is room.
@@ -154,10 +279,14 @@ class BagFile:
         Raises:
             OSError: If the disk fails. Then the bag is broken.
         """
-        self._writer.write(self._connections[topic], time, data)
-        self._content += len(data) + PER_MESSAGE
+        part, before = self._part, self._part.file.position
+        part.writer.add_message(part.channels[topic], time, data, time)
+        part.pending += len(data) + PER_MESSAGE
+        if part.file.position > before:
+            part.pending, part.chunks = 0, part.chunks + 1
+        part.counts[topic] += 1
+        part.first, part.last = min(part.first or time, time), max(part.last, time)
         self.counts[topic] += 1
-        self._first, self._last = min(self._first or time, time), max(self._last, time)
 
     def close(self, dropped: Mapping[str, int] | None = None, missed: Mapping[str, int] | None = None) -> Summary:
         """Write the index and the metadata, in which the losses are noted.
@@ -173,13 +302,47 @@ class BagFile:
             OSError: If the disk fails. Then the bag has no index.
         """
         dropped, missed = dropped or {}, missed or {}
-        for name, losses in (("dropped", dropped), ("missed", missed)):
-            if losses:
-                self._writer.set_custom_data(name, json.dumps(losses))
-        self._writer.close()
-        return Summary(self.directory, self.counts, (self._last - self._first) * 1e-9, self._path.stat().st_size, dropped, missed)
+        custom = {name: json.dumps(losses) for name, losses in (("dropped", dropped), ("missed", missed)) if losses}
+        self._finish(self._part, custom)
+        information = self._information(self._parts, custom)
+        text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
+        partial = self.directory / "metadata.yaml.tmp"
+        partial.write_text(text)
+        partial.replace(self.directory / "metadata.yaml")
+        size = sum(part.path.stat().st_size for part in self._parts)
+        return Summary(self.directory, self.counts, information["duration"]["nanoseconds"] * 1e-9, size, dropped, missed)
+
+    def _information(self, parts: Sequence[_Part], custom: Mapping[str, str] | None) -> dict[str, Any]:
+        """Return the contents of metadata.yaml about some of the files. custom: Notes of the recorder."""
+        filled = [part for part in parts if part.first] or [parts[0]]
+        topics = [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.kind,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": dump_qos_v9(list(topic.offered)),
+                    "type_description_hash": topic.hash,
+                },
+                "message_count": sum(part.counts[topic.name] for part in parts),
+            }
+            for topic in self._topics.values()
+        ]
+        return {
+            "version": VERSION,
+            "storage_identifier": "mcap",
+            "relative_file_paths": [part.path.name for part in parts],
+            **_span(min(part.first for part in filled), max(part.last for part in filled)),
+            "message_count": sum(part.counts.total() for part in parts),
+            "topics_with_message_count": topics,
+            "compression_format": "",
+            "compression_mode": "",
+            "files": [part.information() for part in parts],
+            "custom_data": dict(custom) if custom else None,
+            "ros_distro": "jazzy",
+        }
 
     def abort(self) -> None:
         """Close the file as it is, without an index."""
         with suppress(OSError):
-            self._writer.abort()
+            self._part.file.close()

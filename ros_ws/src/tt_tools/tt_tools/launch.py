@@ -255,6 +255,7 @@ class System:
         self._processes, self._tell = processes, tell
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
+        self._last_lines: dict[str, str] = {}  # that each process told
         self._restarts: dict[str, list[float]] = {}  # when each was started again, s, monotonic
         self._pending = 0  # restarts that wait for their delay
         # a child: it has ended; a process: to be started again; None: interrupted
@@ -274,6 +275,8 @@ class System:
         def pass_on() -> None:
             for line in child.stdout or ():
                 self._tell(f"[{process.name}] {line.rstrip()}")
+                if line.strip():
+                    self._last_lines[process.name] = line.strip()
 
         def see_out() -> None:
             child.wait()
@@ -369,6 +372,11 @@ class System:
         for reader in self._readers:
             reader.join(timeout=1.0)
 
+    def tell_failures(self) -> None:
+        """Tell the last line of each process that failed, after all else."""
+        for name, code in self.failed.items():
+            self._tell(f"[launch] {name} failed, exit code {code}: {self._last_lines.get(name, 'it told nothing')}")
+
     def __enter__(self) -> System:
         try:
             for process in self._processes:
@@ -389,4 +397,5 @@ def run(processes: Sequence[Process]) -> int:
         signal.signal(number, lambda *_: system.interrupt())
     with system:
         system.wait()
+    system.tell_failures()
     return 1 if system.failed else 0

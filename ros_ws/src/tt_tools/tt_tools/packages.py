@@ -1,4 +1,4 @@
-"""Executables, shared files and message types of installed ROS packages, found by the ament index."""
+"""Executables, shared files and interfaces of installed ROS packages, found by the ament index."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_packages_with_prefixes
+from ament_index_python.resources import get_resource, get_resources
 from tt_core.errors import TtError
+
+LAUNCH_FILES = ("*.launch.yaml",)
+KINDS = ("msg", "srv", "action")  # of interfaces
 
 
 class NotFound(TtError):
@@ -26,8 +30,13 @@ class NotFound(TtError):
         """Keep what was looked for, and the names most similar to it."""
         known = sorted(known)
         choices = difflib.get_close_matches(name, known, n=5, cutoff=0.5) or known[:30]
-        super().__init__(f"no {what} {name!r}; there is {', '.join(choices) or 'none'}")
+        super().__init__(f"{what} '{name}' not found" + (f"; there is {', '.join(choices)}" if choices else ""))
         self.what, self.name, self.known = what, name, choices
+
+
+def names() -> list[str]:
+    """Return the names of all packages, sorted."""
+    return sorted(get_packages_with_prefixes())
 
 
 def prefix(package: str) -> Path:
@@ -35,7 +44,7 @@ def prefix(package: str) -> Path:
     try:
         return Path(get_package_prefix(package))
     except (PackageNotFoundError, ValueError):
-        raise NotFound("package", package, get_packages_with_prefixes()) from None
+        raise NotFound("Package", package, [name for name in names() if executables(name)]) from None
 
 
 def share(package: str) -> Path:
@@ -43,27 +52,68 @@ def share(package: str) -> Path:
     return prefix(package) / "share" / package
 
 
+def executables(package: str) -> dict[str, Path]:
+    """Return the paths of the executables of a package by name. Raises NotFound."""
+    folder = prefix(package) / "lib" / package
+    return {path.name: path for path in sorted(folder.glob("*")) if path.is_file() and os.access(path, os.X_OK)}
+
+
 def executable(package: str, name: str) -> Path:
     """Return the path of an executable of a package. Raises NotFound."""
-    folder = prefix(package) / "lib" / package
-    found = {path.name: path for path in folder.glob("*") if path.is_file() and os.access(path, os.X_OK)}
+    found = executables(package)
     if name not in found:
-        raise NotFound(f"executable in {package}", name, found)
+        raise NotFound(f"Executable of package '{package}'", name, found)
     return found[name]
+
+
+def launch_files(package: str) -> dict[str, Path]:
+    """Return the paths of the launch files of a package by name. Raises NotFound."""
+    return {path.name: path for pattern in LAUNCH_FILES for path in sorted(share(package).rglob(pattern))}
 
 
 def launch_file(package: str, name: str) -> Path:
     """Return the path of a launch file of a package. Raises NotFound."""
-    found = {path.name: path for path in share(package).rglob("*.launch.yaml")}
+    found = launch_files(package)
     if name not in found:
-        raise NotFound(f"launch file in {package}", name, found)
+        raise NotFound(f"Launch file of package '{package}'", name, found)
     return found[name]
 
 
+def interfaces(kind: str) -> list[str]:
+    """Return the names of all interfaces of one of KINDS, e.g. "std_msgs/msg/String", sorted."""
+    found = set[str]()
+    for package in get_resources("rosidl_interfaces"):
+        files = get_resource("rosidl_interfaces", package)[0].split()
+        found |= {f"{package}/{file.rpartition('.')[0]}" for file in files if file.startswith(f"{kind}/") and file.endswith(f".{kind}")}
+    return sorted(found)
+
+
+def full_name(name: str, kind: str = "msg") -> str:
+    """Return the full name of an interface; a short one such as std_msgs/String is one of `kind`."""
+    return name.replace("/", f"/{kind}/") if name.count("/") == 1 else name
+
+
+def interface_file(name: str) -> Path:
+    """Return the file that defines an interface, e.g. "std_msgs/msg/String". Raises NotFound."""
+    package, _, rest = name.partition("/")
+    try:
+        path = share(package) / f"{rest}.{rest.partition('/')[0]}"
+    except NotFound:
+        path = Path()
+    if name.count("/") != 2 or not path.is_file():
+        raise NotFound("Interface", name, [one for kind in KINDS for one in interfaces(kind)])
+    return path
+
+
 def interface(name: str) -> Any:
-    """Return the class of a message or service type, e.g. "sensor_msgs/msg/Image" or "std_srvs/srv/Trigger". Raises NotFound."""
-    package, _, kind = name.rpartition("/")
+    """Return the class of a message or service type, e.g. "sensor_msgs/msg/Image", "std_msgs/String" or "std_srvs/srv/Trigger".
+
+    Raises:
+        NotFound: There is no such type.
+    """
+    package, _, kind = full_name(name).rpartition("/")
     try:
         return getattr(importlib.import_module(package.replace("/", ".")), kind)
     except (ImportError, AttributeError, ValueError):
-        raise NotFound("message or service type", name, ()) from None
+        known = [one for group in KINDS for one in interfaces(group)]
+        raise NotFound("Message or service type", name, difflib.get_close_matches(name, known, n=5, cutoff=0.5)) from None

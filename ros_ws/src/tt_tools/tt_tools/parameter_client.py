@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import rclpy
 import yaml
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, ParameterValue
 from rclpy.executors import SingleThreadedExecutor
@@ -16,6 +17,10 @@ from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from tt_core.errors import TtError
+
+from .errors import GraphError
+from .graph import appears, graph, nodes, services
+from .node_parameters import parameter_file
 
 PATIENCE = 10.0  # s, for a node to be discovered, and to answer
 TYPES = {  # as ros2cli names them: in a description, and before a value
@@ -73,7 +78,7 @@ class ParameterClient:
         for parameter in parameters:
             (result,) = self._result(self._client.set_parameters([parameter])).results
             if not result.successful:
-                raise TtError(f"{self.name} refuses {parameter.name} = {parameter.value}: {result.reason}")
+                raise TtError(f"Setting parameter failed: {parameter.name} = {parameter.value}: {result.reason}")
 
     def _result(self, future: Future) -> Any:
         assert self._node.executor is not None
@@ -85,16 +90,22 @@ class ParameterClient:
 
 @contextmanager
 def connected(name: str) -> Iterator[ParameterClient]:
-    """Yield a client of the node `name`, in a context of its own. Raises TtError if the node is not there."""
-    rclpy.init(args=[])
+    """Yield a client of the node `name`. Raises GraphError if the node is not there."""
+    full = "/" + name.lstrip("/")
+    with graph() as node, _executor(node):
+        if not appears(lambda: full in nodes(node, hidden=True)):
+            raise GraphError(f"Node not found: {full}; there is {', '.join(nodes(node)) or 'none'}")
+        yield ParameterClient(node, full)
+
+
+@contextmanager
+def _executor(node: Node) -> Iterator[None]:
     executor = SingleThreadedExecutor()
+    executor.add_node(node)
     try:
-        node = rclpy.create_node("_ros2_param", enable_rosout=False, start_parameter_services=False)
-        executor.add_node(node)
-        yield ParameterClient(node, name)
+        yield
     finally:
         executor.shutdown()
-        rclpy.try_shutdown()
 
 
 def show(node: str, name: str, *, hide_type: bool) -> None:
@@ -122,19 +133,11 @@ def describe(node: str, names: list[str]) -> None:
                 print(f"    Additional constraints: {descriptor.additional_constraints}")
 
 
-def dump(node: str) -> None:
-    """Print all parameters of a node as a parameter file, which can start the node again."""
+def dump(node: str) -> str:
+    """Return all parameters of a node as the text of a parameter file, which can start the node again."""
     with connected(node) as client:
         names = client.names()
-        values = client.values(names)
-    content: dict[str, Any] = {}
-    for name, value in zip(names, map(parameter_value_to_python, values), strict=True):
-        *groups, last = name.split(".")
-        inner = content
-        for group in groups:
-            inner = inner.setdefault(group, {})
-        inner[last] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, (list, bytes)) else value
-    print(yaml.safe_dump({client.name: {"ros__parameters": content}}, default_flow_style=False), end="")
+        return parameter_file(client.name, names, client.values(names))
 
 
 def load(node: str, file: Path) -> None:
@@ -155,14 +158,39 @@ def load(node: str, file: Path) -> None:
             print(f"Set parameter {name} successful")
 
 
-def list_names(nodes: list[str], *, single: bool) -> None:
-    """Print the parameters of nodes, with the name of each node unless there is a `single` one."""
-    for node in nodes:
-        with connected(node) as client:
-            names = client.names()
-        if not single:
-            print(f"{node}:")
-        print("\n".join(f"  {name}" for name in names))
+def print_names(name: str | None, prefixes: tuple[str, ...], *, hidden: bool, types: bool) -> None:
+    """Print the parameters of one node, or of all that have some.
+
+    Args:
+        name: Of the node; all if None.
+        prefixes: Only parameters that begin with one of them; all if empty.
+        hidden: Whether nodes are asked whose names begin with _.
+        types: Whether types are printed, too.
+
+    Raises:
+        TtError: The node is not there, or does not answer. Of all nodes, one that does not answer is told on stderr.
+    """
+    with graph() as node, _executor(node):
+        full = [f"/{name.lstrip('/')}"] if name else sorted(set(nodes(node, hidden=hidden)))
+        if name and not appears(lambda: full[0] in nodes(node, hidden=True)):
+            raise GraphError(f"Node not found: {full[0]}; there is {', '.join(nodes(node)) or 'none'}")
+        served = services(node, hidden=True)
+        for one in full:
+            if f"{one}/list_parameters" not in served:
+                continue
+            client = ParameterClient(node, one)
+            try:
+                names = [parameter for parameter in client.names() if not prefixes or parameter.startswith(prefixes)]
+                kinds = [TYPES[descriptor.type][0] for descriptor in client.descriptors(names)] if types and names else []
+            except TtError as error:
+                if name:
+                    raise
+                print(error, file=sys.stderr)
+                continue
+            if not name:
+                print(f"{one}:")
+            for parameter, kind in itertools.zip_longest(names, kinds):
+                print(f"  {parameter} (type: {kind})" if types else f"  {parameter}")
 
 
 def set_value(node: str, name: str, text: str) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from rosbags.interfaces import Qos
 from tt_core.ros.bags import TYPES, BagError
 
-from .bagfile import RESERVE, BagFile, Summary
+from .bagfile import ONE_FILE, RESERVE, BagFile, SplitRule, Summary
 
 QUEUE = 256 * 2**20  # bytes of messages that may wait for the disk: 2.6 s of two cameras at 900 Hz
 OVERHEAD = 300  # bytes of memory for a queued message beside its data
@@ -48,6 +48,13 @@ class _Sample(NamedTuple):
     data: bytes
 
 
+class _Attachment(NamedTuple):
+    name: str
+    time: int
+    media_type: str
+    data: bytes
+
+
 class Recording:
     """A new bag.
 
@@ -56,19 +63,29 @@ class Recording:
     the last of them.
     """
 
-    def __init__(self, directory: Path, *, queue_bytes: int = QUEUE, reserve_bytes: int = RESERVE) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        queue_bytes: int = QUEUE,
+        reserve_bytes: int = RESERVE,
+        compression: str = "none",
+        split: SplitRule = ONE_FILE,
+    ) -> None:
         """Make the directory, open the file and start the thread.
 
         Args:
             directory: The bag, which must not exist.
             queue_bytes: Bytes of messages that may wait for the disk.
             reserve_bytes: Bytes of the disk that are to stay free.
+            compression: Of chunks, one of bagfile.COMPRESSIONS.
+            split: When the next file of the bag begins.
 
         Raises:
             BagError: If `directory` exists, cannot be made or has no room.
         """
-        self._bag = BagFile(directory, reserve_bytes)
-        self._queue: queue.SimpleQueue[_Topic | _Sample | None] = queue.SimpleQueue()
+        self._bag = BagFile(directory, reserve_bytes, compression=compression, split=split)
+        self._queue: queue.SimpleQueue[_Topic | _Sample | _Attachment | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # of `_queued` and `_dropped`
         self._largest, self._queued, self._dropped = queue_bytes, 0, Counter[str]()
         self._missed: dict[str, int] = {}
@@ -95,6 +112,16 @@ class Recording:
         if kind not in TYPES.types:
             raise BagError(f"{name} has the unknown type {kind}")
         self._queue.put(_Topic(name, kind, offered))
+
+    def attach(self, name: str, media_type: str, text: str) -> None:
+        """Add a text file to the bag.
+
+        Args:
+            name: Its name.
+            media_type: E.g. "application/yaml".
+            text: Its content.
+        """
+        self._queue.put(_Attachment(name, time.time_ns(), media_type, text.encode()))
 
     def add(self, topic: str, time: int, data: bytes) -> None:
         """Record a message, or drop and count it.
@@ -154,6 +181,8 @@ class Recording:
             self._since = time.monotonic()
             if isinstance(item, _Topic):
                 self._bag.add_topic(*item)
+            elif isinstance(item, _Attachment):
+                self._attach(item)
             else:
                 written = self._write(item)
                 with self._lock:
@@ -176,7 +205,7 @@ class Recording:
         if self._broken or self._over or (self._full and time.monotonic() < self._retry):
             return False
         try:
-            self._bag.make_room(len(sample.data))
+            self._bag.make_room(len(sample.data), sample.time)
         except OSError as error:
             self._full, self._retry = f"the disk is full: {error.strerror}", time.monotonic() + RETRY
             return False
@@ -186,3 +215,12 @@ class Recording:
         except OSError as error:
             self._broken = f"the disk failed: {error}"
         return not self._broken
+
+    def _attach(self, attachment: _Attachment) -> None:
+        """Write an attachment; it is left out where the disk is full."""
+        if self._broken or self._over:
+            return
+        try:
+            self._bag.attach(*attachment)
+        except OSError as error:
+            self._full, self._retry = f"the disk is full: {error.strerror}", time.monotonic() + RETRY

@@ -7,7 +7,8 @@ import os
 import re
 import sys
 import time
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,24 +18,30 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from std_msgs.msg import String
 from tt_core.errors import TtError
 from tt_core.params import check, param
+from tt_core.revision import revision
 from tt_core.ros.bags import BagError
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import compatible
 
-from .bagfile import RESERVE
-from .packages import NotFound, interface
+from .bagfile import RESERVE, SplitRule
+from .node_parameters import ParameterCollector
+from .packages import NotFound, interface, share
+from .qos import ALL
 from .record import QUEUE, Recording, State
+from .reindex import compress
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
 TELL = 1.0  # s between two reports while messages are lost
-# messages that may wait: half a second of two cameras at 900 Hz
-ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+DEFAULT_URDF = "urdf/pa10.urdf"  # in the share of tt_arm, of an arm whose parameter `urdf` is empty
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
@@ -68,14 +75,34 @@ class RecordParams:
 
     output: str = param("auto", "", "new directory of the bag; auto: bags/ and the time")
     numbered: bool = param(False, "", "add a number to `output` if it exists, as a recorder needs that is started again")
-    topics: tuple[str, ...] = param((), "", "topics to record; all if empty")
+    topics: tuple[str, ...] = param((), "", "topics to record; all if neither topics nor `regex` are given")
+    regex: str = param("", "", "regular expression; topics in which it is found are recorded, too")
     exclude: str = param("", "", "regular expression; topics in which it is found are not recorded")
+    exclude_topics: tuple[str, ...] = param((), "", "topics that are not recorded")
+    hidden: bool = param(False, "", "whether topics are recorded whose names have a part that begins with _")
+    compression: str = param("none", "", "lz4: while it records; zstd: when the recording has ended", choices=("none", "lz4", "zstd"))
+    split_bytes: int = param(0, "bytes", "size at which the next file of the bag begins; 0: one file", low=0, high=2**50)
+    split_seconds: float = param(0.0, "s", "time after which the next file of the bag begins; 0: one file", low=0.0, high=1e9)
+    attach: bool = param(True, "", "whether the bag gets the parameters of all nodes, the description of the arm and the revision")
     queue_bytes: int = param(QUEUE, "bytes", "most that waits for the disk; what is beyond is dropped and counted", low=2**20, high=2**40)
     reserve_bytes: int = param(RESERVE, "bytes", "what stays free on the disk", low=0, high=2**40)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Refuse values outside their range, and what is no regular expression."""
         check(self)
+        for name in ("regex", "exclude"):
+            try:
+                re.compile(getattr(self, name))
+            except re.error as error:
+                raise TtError(f"{name} = {getattr(self, name)!r} is no regular expression: {error}") from error
+
+    def wants(self, topic: str) -> bool:
+        """Tell whether a topic is recorded, by its resolved name; `topics` and `exclude_topics` must be resolved, too."""
+        if topic in self.exclude_topics or (self.exclude and re.search(self.exclude, topic)):
+            return False
+        if topic in self.topics or (self.regex and re.search(self.regex, topic)):
+            return True
+        return not (self.topics or self.regex) and (self.hidden or not topic_or_service_is_hidden(topic))
 
 
 class RecordNode(Node):
@@ -90,28 +117,49 @@ class RecordNode(Node):
         output = time.strftime("bags/%Y-%m-%d_%H-%M-%S") if params.output == "auto" else params.output
         if params.numbered:
             output = free_name(output)
-        self._wanted = {self.resolve_topic_name(name) for name in params.topics}
-        try:
-            self._exclude = re.compile(params.exclude) if params.exclude else None
-        except re.error as error:
-            raise TtError(f"exclude = {params.exclude!r} is no regular expression: {error}") from error
+        topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))
+        self.params = replace(params, topics=topics, exclude_topics=excluded)
         self._seen: set[str] = set()
         self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last report and its time in s
         self.failed = False
         self._status = Status(self)
         self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         # last: what fails before it leaves no bag
-        self._recording = Recording(Path(output), queue_bytes=params.queue_bytes, reserve_bytes=params.reserve_bytes)
+        self._recording = Recording(
+            Path(output),
+            queue_bytes=params.queue_bytes,
+            reserve_bytes=params.reserve_bytes,
+            compression="lz4" if params.compression == "lz4" else "none",
+            split=SplitRule(params.split_bytes, params.split_seconds),
+        )
+        self._collector = ParameterCollector(self, self._on_parameters) if params.attach else None
+        self._described = not params.attach  # whether the description of the arm is in the bag, or unwanted
+        if params.attach:
+            self._recording.attach("revision.txt", "text/plain", revision() + "\n")
         print(f"recording to {output}", flush=True)
 
     def _look(self) -> None:
         self._report(self._recording.state())
         for name, kinds in self.get_topic_names_and_types():
-            if name in self._seen or (self._wanted and name not in self._wanted) or (self._exclude and self._exclude.search(name)):
+            if name in self._seen or not self.params.wants(name):
                 continue
             if offered := [info.qos_profile for info in self.get_publishers_info_by_topic(name)]:
                 self._seen.add(name)
                 self._subscribe(name, kinds[0], offered)
+        if self._collector is not None:
+            self._collector.look()
+
+    def _on_parameters(self, node: str, values: dict[str, Any], text: str) -> None:
+        """Attach the parameters of a node, and the description of the arm that its parameter `urdf` names."""
+        self._recording.attach(f"parameters{node}.yaml", "application/yaml", text)
+        if "urdf" in values and not self._described:
+            with suppress(OSError, UnicodeDecodeError, NotFound):
+                self._describe((Path(values["urdf"]) if values["urdf"] else share("tt_arm") / DEFAULT_URDF).read_text())
+
+    def _describe(self, urdf: str) -> None:
+        """Attach the description of the arm."""
+        self._described = True
+        self._recording.attach("robot_description.urdf", "application/xml", urdf)
 
     def _report(self, state: State) -> None:
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
@@ -140,6 +188,9 @@ class RecordNode(Node):
 
     def _on_message(self, topic: str, data: bytes) -> None:
         self._recording.add(topic, time.time_ns(), data)
+        if not self._described and topic.endswith("/robot_description"):
+            with suppress(RuntimeError):  # it is of another type
+                self._describe(deserialize_message(data, String).data)
 
     def _on_lost(self, topic: str, event: Any) -> None:
         self._recording.count_missed(topic, event.total_count)
@@ -163,6 +214,11 @@ class RecordNode(Node):
             print(error, file=sys.stderr, flush=True)
             return
         self.failed = bool(summary.dropped)
+        if self.params.compression == "zstd":
+            try:
+                compress(summary.directory, "zstd")
+            except BagError as error:
+                print(error, file=sys.stderr, flush=True)
         print(f"recorded {summary}", file=sys.stderr if self.failed else sys.stdout, flush=True)
 
 

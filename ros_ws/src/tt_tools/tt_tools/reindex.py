@@ -1,40 +1,26 @@
-"""Describe a bag, and rewrite one whose recorder was killed, so that it can be read."""
+"""Rewrite a bag: one whose recorder was killed, so that it can be read, or a whole one with another compression."""
 
 from __future__ import annotations
 
-import itertools
 import shutil
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
-import yaml
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
-from rich.table import Table
+from mcap.writer import Writer
 from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
-from tt_core.ros.bags import TYPES, Bag, BagError, bag_files, unpacked
+from tt_core.ros.bags import TYPES, BagError, bag_files, unpacked
 
-from .bagfile import BagFile, Summary
-
-
-def describe(path: Path) -> Table:
-    """Return a description of a bag of any kind for the terminal. Raises BagError."""
-    with Bag(path) as bag:
-        seconds = (bag.end - bag.start) * 1e-9
-        table = Table("topic", "type", "messages", "Hz", "", box=None)
-        for topic in bag.topics:
-            hertz = f"{topic.count / seconds:.1f}" if seconds > 0.0 else ""
-            table.add_row(topic.name, topic.kind, str(topic.count), hertz, topic.refusal)
-        counts = {topic.name: topic.count for topic in bag.topics}
-        losses = {name: yaml.safe_load(bag.custom.get(name, "{}")) for name in ("dropped", "missed")}
-        table.title, table.title_justify = str(Summary(Path(path), counts, seconds, bag.size, **losses)), "left"
-    return table
+from .bagfile import COMPRESSIONS, BagFile, Summary
 
 
 def reindex(path: Path) -> Summary:
@@ -76,8 +62,11 @@ def reindex(path: Path) -> Summary:
     return Summary(path, summary.counts, summary.duration, summary.size)
 
 
-def _whole_chunks(file: Path) -> Iterator[Chunk]:
-    """Yield the complete chunks in the order of the file (MCAP specification: opcode, length, content)."""
+def _records(file: Path) -> Iterator[McapRecord]:
+    """Yield the records in the complete chunks, and the attachments, in the order of the file.
+
+    MCAP specification: opcode, length, content.
+    """
     size, position = file.stat().st_size, len(MAGIC)
     with file.open("rb") as stream:
         while position + 9 <= size:
@@ -87,10 +76,12 @@ def _whole_chunks(file: Path) -> Iterator[Chunk]:
                 return
             position += 9 + length
             if opcode == Opcode.CHUNK and position <= size:
-                yield Chunk.read(ReadDataStream(stream))
+                yield from _in_chunk(Chunk.read(ReadDataStream(stream)))
+            if opcode == Opcode.ATTACHMENT and position <= size:
+                yield Attachment.read(ReadDataStream(stream))
 
 
-def _records(chunk: Chunk) -> list[McapRecord]:
+def _in_chunk(chunk: Chunk) -> list[McapRecord]:
     try:
         return breakup_chunk(chunk)
     except Exception:  # a damaged chunk fails in whatever part of its decoding meets it first
@@ -100,7 +91,7 @@ def _records(chunk: Chunk) -> list[McapRecord]:
 def _copy(file: Path, bag: BagFile) -> None:
     schemas: dict[int, Schema] = {}
     topics: dict[int, str] = {}
-    for record in itertools.chain.from_iterable(map(_records, _whole_chunks(file))):
+    for record in _records(file):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel) and record.id not in topics:
@@ -110,8 +101,10 @@ def _copy(file: Path, bag: BagFile) -> None:
                 bag.add_topic(record.topic, schema.name, parse_qos(record.metadata.get("offered_qos_profiles", "")), _types(schema))
         elif isinstance(record, Message):
             data = unpacked(record.data)
-            bag.make_room(len(data))
+            bag.make_room(len(data), record.log_time)
             bag.write(topics[record.channel_id], record.log_time, data)
+        elif isinstance(record, Attachment):
+            bag.attach(record.name, record.log_time, record.media_type, record.data)
 
 
 def _types(schema: Schema) -> Typestore:
@@ -120,3 +113,49 @@ def _types(schema: Schema) -> Typestore:
     types = get_typestore(Stores.EMPTY)
     types.register({**TYPES.fielddefs, **get_types_from_msg(schema.data.decode(), schema.name)})
     return types
+
+
+def compress(bag: Path, compression: str) -> None:
+    """Rewrite the MCAP files of a whole bag with another compression of their chunks.
+
+    Each file is replaced when its copy is whole.
+
+    Args:
+        bag: A bag that was closed.
+        compression: One of bagfile.COMPRESSIONS.
+
+    Raises:
+        BagError: A file cannot be read, or there is no room for its copy.
+    """
+    for file in bag_files(Path(bag)):
+        if file.suffix != ".mcap":
+            raise BagError(f"only MCAP files can be compressed, not {file}")
+        copy = file.with_suffix(".mcap.part")
+        try:
+            with file.open("rb") as source, copy.open("wb") as target:
+                _rewrite(source, Writer(target, compression=COMPRESSIONS[compression]))
+            copy.replace(file)
+        except (OSError, McapError) as error:
+            raise BagError(f"{file} cannot be compressed: {error}") from error
+        finally:
+            copy.unlink(missing_ok=True)
+
+
+def _rewrite(source: IO[bytes], writer: Writer) -> None:
+    """Copy all that an MCAP file holds to a new one."""
+    schemas, channels = {0: 0}, dict[int, int]()
+    for record in StreamReader(source).records:
+        if isinstance(record, Header):
+            writer.start(record.profile)
+        elif isinstance(record, Schema) and record.id not in schemas:
+            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+        elif isinstance(record, Channel) and record.id not in channels:
+            schema = schemas[record.schema_id]
+            channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema, record.metadata)
+        elif isinstance(record, Message):
+            writer.add_message(channels[record.channel_id], record.log_time, record.data, record.publish_time, record.sequence)
+        elif isinstance(record, Attachment):
+            writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, record.metadata)
+    writer.finish()

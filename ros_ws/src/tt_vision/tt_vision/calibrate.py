@@ -1,7 +1,8 @@
 """Calibrate a camera from known points or from images of a board: ros2 run tt_vision calibrate points FILE | board IMAGE...
 
 Writes NAME.yaml, which camera_info_manager reads, NAME_pose.yaml, which holds parameters of estimate_node, and NAME_residuals.png, which
-shows the residuals.
+shows the residuals. cameras.yaml gets the parameters of camera_node and estimate_node for this camera, beside those of the other one: it is
+what launch files take as more_params_file.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from tt_core.states import Array
 from .camera import Camera, calibrate
 from .rig import PIXEL_SIZE
 
+CAMERAS = "cameras.yaml"  # parameters of both cameras
 ENLARGED = 50.0  # times, the residuals in the picture
 
 
@@ -134,6 +136,21 @@ def pose(camera: Camera, name: str) -> dict:
     return {"/**/estimate": {"ros__parameters": values}}
 
 
+def with_camera(content: dict, camera: Camera, name: str) -> dict:
+    """Return the content of a parameter file with the intrinsics and the pose of a camera of that name set.
+
+    Raises:
+        TtError: `content` is that of no parameter file.
+    """
+    inner = {f"{name}.matrix": camera.matrix.ravel().tolist(), f"{name}.distortion": np.asarray(camera.distortion).tolist()}
+    try:
+        for node, entry in {"/**/camera": {"ros__parameters": inner}, **pose(camera, name)}.items():
+            content.setdefault(node, {}).setdefault("ros__parameters", {}).update(entry["ros__parameters"])
+    except (AttributeError, TypeError) as error:
+        raise TtError(f"no parameter file: {error}") from error
+    return content
+
+
 def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
     """Draw the residuals.
 
@@ -191,6 +208,13 @@ def main() -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     for suffix, content in (("", intrinsics(camera, args.name)), ("_pose", pose(camera, args.name))):
         (args.out / f"{args.name}{suffix}.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    both = args.out / CAMERAS
+    try:
+        content = with_camera(yaml.safe_load(both.read_text()) or {} if both.exists() else {}, camera, args.name)
+    except (TtError, yaml.YAMLError, UnicodeDecodeError) as error:
+        print(f"{both}: {error}", file=sys.stderr)
+        raise SystemExit(2) from error
+    both.write_text(yaml.safe_dump(content, sort_keys=False))
     cv2.imwrite(str(args.out / f"{args.name}_residuals.png"), picture(camera, pixels, misses))
     length = np.linalg.norm(misses, axis=1)
     table = Table("points", "rms pixels", "worst pixels", "focal length mm", "principal point", "k1, k2", "position m")
@@ -200,7 +224,7 @@ def main() -> None:
     rms, worst = f"{np.sqrt((length**2).mean()):.4f}", f"{length.max():.4f}"
     table.add_row(str(len(points)), rms, worst, f"{1e3 * camera.focal_length:.3f}", f"{u:.1f}, {v:.1f}", f"{k1:.3f}, {k2:.3f}", position)
     Console(width=120).print(table)
-    print(f"written: {args.out / args.name}.yaml, {args.name}_pose.yaml, {args.name}_residuals.png")
+    print(f"written: {args.out / args.name}.yaml, {args.name}_pose.yaml, {args.name}_residuals.png, {CAMERAS}")
 
 
 if __name__ == "__main__":

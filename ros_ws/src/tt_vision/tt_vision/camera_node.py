@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import signal
 import threading
 import time
 from collections.abc import Generator
 from contextlib import closing
 from dataclasses import asdict, dataclass
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.errors import TtError
 from tt_core.params import check, param
@@ -20,13 +25,24 @@ from tt_core.ros.diagnostics import Status
 from tt_core.ros.discovery import is_heard
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
-from tt_core.ros.qos import LATCHED, SENSOR
+from tt_core.ros.qos import LATCHED, RECORDED, SENSOR
 
 from .capture.devices import DeviceCounts, DeviceParams
 from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
 from .rig import SIDES, high_speed_pair
 
+UPGRADE = 3.0  # s for a subscriber to ask for reliable images, as estimate_node does when it sees that they are offered
+ACKNOWLEDGED = 200  # images between two waits for their arrival
 MATCHING = 0.3  # s, from the discovery of a subscriber until it has discovered the publisher, too
+
+
+class CameraLine(Enum):
+    """What the terminal tells."""
+
+    PLAYING = "publishing {kind} {path}"
+    NOBODY = "nobody subscribes to the images of both cameras after {wait:g} s; publishing {kind} {path} all the same"
+    END = "end of {kind} {path}: {count} images"
+    STOPPED = "stopped: {error}"
 
 
 @dataclass(frozen=True)
@@ -37,12 +53,14 @@ class PlayParams:
     restamp: bool = param(False, "", "whether the stamps of a recording are shifted so that its first image is taken now")
     loop: bool = param(False, "", "whether a recording starts again at its end")
     wait: float = param(
-        30.0,
+        120.0,
         "s",
-        "longest time to wait for a subscriber of both cameras before the first image; a node may take as long to start",
+        "longest time to wait for subscribers before the first image of a recording; a node may take as long to start",
         low=0.0,
         high=3600.0,
     )
+    end: bool = param(False, "", "whether the node ends after the last image of a recording, and `linger`")
+    linger: float = param(3.0, "s", "time for subscribers to finish before the node ends", low=0.0, high=3600.0)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -85,13 +103,15 @@ class CameraNode(Node):
                 self.calibrations[side] = calibration
         self.status = Status(self)
         self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]
-        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in SIDES]
+        self.recorded = self.source.kind != "device"
+        qos = RECORDED if self.recorded else SENSOR
+        self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", qos) for name in SIDES]
         answer_clock_pings(self)
         with closing(self.read_images()) as source:
             first = next(source)  # a source that cannot be read ends the node here
         self.size = first.image.shape
         self.publish_info(self.size[1], self.size[0])
-        if self.source.kind == "device":
+        if not self.recorded:
             self.create_timer(1.0, lambda: self.status.publish("capturing", **asdict(self.counts)))
         threading.Thread(target=self.publish_all, daemon=True).start()
 
@@ -112,20 +132,41 @@ class CameraNode(Node):
 
     def publish_all(self) -> None:
         """Publish the source until its end, or until the end of the node."""
-        end = time.monotonic() + self.play.wait
-        while time.monotonic() < end and not all(is_heard(self, publisher) for publisher in self.images):
-            time.sleep(0.05)
-        time.sleep(MATCHING)
+        source = {"kind": self.source.kind, "path": self.source.path}
         try:
+            heard = not self.recorded or self.wait()
+            self.status.terminal.info(CameraLine.PLAYING if heard else CameraLine.NOBODY, wait=self.play.wait, **source)
             count = self.publish_once()
             while self.play.loop and self.context.ok():
                 count += self.publish_once()
             self.status.publish("end of the source", images=count)
+            self.status.terminal.info(CameraLine.END, count=count, **source)
         except TtError as error:
             self.status.publish(f"stopped: {error}", warn=True)
+            self.status.terminal.warn(CameraLine.STOPPED, error=error)
         except RuntimeError:  # published into a context that a signal has just ended
             if self.context.ok():
                 raise
+        if self.play.end and self.recorded and self.context.ok():
+            time.sleep(self.play.linger)
+            signal.raise_signal(signal.SIGTERM)
+
+    def wait(self) -> bool:
+        """Wait until a node subscribes to images and calibrations of both cameras, and to the images reliably.
+
+        Returns:
+            False if it has not come within the parameter `wait`.
+        """
+        end, patience = time.monotonic() + self.play.wait, math.inf
+        while (now := time.monotonic()) < min(end, patience):
+            if all(is_heard(self, publisher) for publisher in (*self.images, *self.infos)):
+                patience = min(patience, now + UPGRADE)
+                asked = [info for publisher in self.images for info in self.get_subscriptions_info_by_topic(publisher.topic_name)]
+                if all(info.qos_profile.reliability is ReliabilityPolicy.RELIABLE for info in asked):
+                    break
+            time.sleep(0.05)
+        time.sleep(MATCHING)
+        return now < end
 
     def publish_once(self) -> int:
         """Publish the source from its beginning to its end; return the number of images."""
@@ -136,8 +177,11 @@ class CameraNode(Node):
                 raise SourceError(f"image of {SIDES[image.side]} has shape {image.image.shape}, the first one {self.size}")
             if first is None:
                 first, shift = image, self.now() - image.time if self.play.restamp else 0.0
-            if self.play.speed and self.source.kind != "device":
+            if self.play.speed and self.recorded:
                 time.sleep(max(0.0, (image.time - first.time) / self.play.speed - (time.monotonic() - start)))
+            if self.recorded and not count % ACKNOWLEDGED:  # no image is overwritten before it has arrived
+                for publisher in self.images:
+                    publisher.wait_for_all_acked(Duration(seconds=1.0))
             self.images[image.side].publish(image_to_message(image.image, image.time + shift, f"{SIDES[image.side]}_optical"))
             count += 1
             if not self.context.ok():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -22,7 +24,7 @@ from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
-from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
+from tt_core.ros.qos import LATCHED, RECORDED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
 
 from .camera import Camera
@@ -36,6 +38,7 @@ from .spin.registration import SearchParams
 from .warm import warm
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
+MOST_HELD = 8  # bursts: twelve images of 54 kB each
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
 
 
@@ -44,6 +47,13 @@ class BurstReason(Enum):
 
     NO_CAMERA_INFO = "no camera_info yet"
     UNUSABLE = "{error}"
+
+
+class EstimateLine(Enum):
+    """What the terminal tells."""
+
+    MEASURED = "ball measured from {frames} frames: {speed:.2f} m/s, spin {rpm:.0f} rpm (x {x:.0f}, y {y:.0f}, z {z:.0f})"
+    REFUSED = "ball not measured: {reason}"
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,27 @@ class LampParams:
             raise BadShape("lamps.positions", (len(self.positions),), (3 * len(self.strengths),))
 
 
+def read_poses(read: Callable[..., Any]) -> list[Camera]:
+    """Return both cameras at the poses that {left,right}.rotation and {left,right}.translation give.
+
+    Args:
+        read: Takes an instance that has the defaults, and a prefix; returns an instance with the values of the parameters.
+    """
+    cameras = []
+    for name, camera in zip(SIDES, high_speed_pair(), strict=True):
+        pose = read(CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
+        cameras.append(dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation)))
+    return cameras
+
+
+def read_lamps(read: Callable[..., Any]) -> CalibratedLamps | None:
+    """Return the calibrated lamps, or None without any. read: As in `read_poses`."""
+    lamps = read(LampParams, "lamps.")
+    if not any(lamps.strengths):
+        return None
+    return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
+
+
 class EstimateNode(Node):
     """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/measured.
 
@@ -93,13 +124,14 @@ class EstimateNode(Node):
         self.assembler = Assembler(declare(self, BurstParams))
         self.search = SearchParams.fast() if declare(self, EstimateParams).fast else SearchParams()
         self.air = declare_physics(self).air
-        self.lamps = self._lamps()
-        rig = high_speed_pair()
-        self.poses = [self._pose(name, camera) for name, camera in zip(SIDES, rig, strict=True)]
+        self.lamps, self.poses = read_lamps(partial(declare, self)), read_poses(partial(declare, self))
         self.infos: list[CameraInfo | None] = [None, None]
         self.lenses: list[Lens | None] = [None, None]
+        alone = self.assembler.params.alone
+        self.sides = [SIDES.index(alone)] if alone else [0, 1]
+        self.held: deque[Burst] = deque(maxlen=MOST_HELD)  # bursts that came before the calibration of their cameras
         self.measured, self.refused = 0, 0
-        warm(rig)
+        warm(high_speed_pair())
         self.status = Status(self)
         self.balls = self.create_publisher(Odometry, "ball/measured", RELIABLE)
         answer_clock_pings(self)
@@ -110,21 +142,10 @@ class EstimateNode(Node):
             info, image = f"camera/{name}/camera_info", f"camera/{name}/image_raw"
             on_info, on_image = partial(self.on_info, side), partial(self.on_image, side)
             inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side]))
-            inputs.append(Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side]))
-        alone = self.assembler.params.alone
-        self.status.wait_for(inputs if not alone else inputs[2 * SIDES.index(alone) :][:2])
-
-    def _pose(self, name: str, camera: Camera) -> Camera:
-        """Return the camera at the pose that the parameters {name}.rotation and {name}.translation give."""
-        pose = declare(self, CameraPose(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist())), f"{name}.")
-        return dataclasses.replace(camera, rotation=np.reshape(pose.rotation, (3, 3)), translation=np.array(pose.translation))
-
-    def _lamps(self) -> CalibratedLamps | None:
-        """Return the calibrated lamps, or None without any."""
-        lamps = declare(self, LampParams, "lamps.")
-        if not any(lamps.strengths):
-            return None
-        return CalibratedLamps(np.reshape(lamps.positions, (-1, 3)), np.array(lamps.strengths), lamps.ambient)
+            inputs.append(
+                Input(self, Image, image, on_image, SENSOR, largest=LARGEST_IMAGE, refused=self.bad_images[side], reliably=RECORDED)
+            )
+        self.status.wait_for([one for side in self.sides for one in inputs[2 * side : 2 * side + 2]])
 
     def on_info(self, side: int, message: CameraInfo) -> None:
         """Take the calibration of a camera, unless it is the same as before."""
@@ -136,6 +157,13 @@ class EstimateNode(Node):
             self.lenses[side], self.infos[side] = Lens(matrix, distortion, width, height), message
         except TtError as error:
             self.bad_infos[side](error)
+            return
+        while self.held and len(self.known_lenses()) == len(self.sides):
+            self.on_burst(self.held.popleft())
+
+    def known_lenses(self) -> list[Lens]:
+        """Return the lenses of the cameras that are used, as far as their calibrations have arrived."""
+        return [lens for lens in (self.lenses[side] for side in self.sides) if lens is not None]
 
     def on_image(self, side: int, message: Image) -> None:
         """Take an image, and measure the burst that is complete with it."""
@@ -152,15 +180,13 @@ class EstimateNode(Node):
 
     def on_burst(self, burst: Burst) -> None:
         """Measure a burst and publish the ball, or why there is none."""
-        last = float(burst.times[-1])
-        alone = self.assembler.params.alone
-        wanted = [SIDES.index(alone)] if alone else [0, 1]
-        lenses = [lens for lens in (self.lenses[side] for side in wanted) if lens is not None]
-        if len(lenses) < len(wanted):
+        last, lenses = float(burst.times[-1]), self.known_lenses()
+        if len(lenses) < len(self.sides):
+            self.held.append(burst)  # whoever started first, the ball is measured when the calibration is there
             self._refuse(Failure(BurstReason.NO_CAMERA_INFO), last)
             return
         try:
-            straight = straighten(burst, lenses, [self.poses[side] for side in wanted])
+            straight = straighten(burst, lenses, [self.poses[side] for side in self.sides])
             result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search)
         except TtError as error:
             self._refuse(Failure(BurstReason.UNUSABLE, error=error), last)
@@ -179,11 +205,19 @@ class EstimateNode(Node):
             residual=f"{result.residual:.3f}",
             frames=result.used,
         )
+        self.status.terminal.info(
+            EstimateLine.MEASURED,
+            frames=result.used,
+            speed=np.linalg.norm(result.ball.velocity),
+            rpm=np.linalg.norm(result.ball.spin) / RPM,
+            **dict(zip("xyz", spin_rpm, strict=True)),
+        )
 
     def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
         """Tell why a burst is not measured. stamp: of its last frame, s."""
         self.refused += 1
         self.status.publish(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
+        self.status.terminal.warn(EstimateLine.REFUSED, reason=reason)
 
     def _counts(self) -> dict[str, Any]:
         """Return how many balls were measured and refused, and which images were not used."""

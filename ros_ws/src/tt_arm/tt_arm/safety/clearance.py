@@ -26,7 +26,7 @@ CIRCLE = np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi
 MOST_LOOKS = 10_000  # at a path; 30 s of it in steps of 10 ms are 3,000
 HELD = 0.005  # m, kept where a command is held; the guard keeps none, as it looks at every command
 EVERY = 2  # looks at a path, of which one is at what follows from a held command
-HOLDING = 2  # postures looked at while the drive holds the last command, see `braking_clearance`
+HOLDING = 3  # postures looked at while the drive holds the last command, see `braking_clearance`
 BRAKING = 3  # postures looked at while the arm brakes, the last at rest
 
 

@@ -6,6 +6,7 @@ until `reset`.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ from .stops import ArmStop
 
 LONGEST_STEP = 0.05  # s, after which a command may not differ from the last one by more than it may after this
 FIRST_STEP = 0.005  # s, for which the first command of a stop brakes at most
+LONGEST_GUESS = 0.3  # s after the last measurement, for which commands tell where the arm is; then it is at rest
+MOST_SENT = 200  # commands that are kept, 0.4 s of them: joint states may be 0.1 s old
 LEAST_SIGHTINGS = 3  # joint states in a row that must show a damage
 CUTS = {SPEED: ArmStop.SPEED_CUT, POSITION: ArmStop.POSITION_CUT, ACCELERATION: ArmStop.ACCELERATION_CUT}
 
@@ -74,7 +77,8 @@ class Guard:
 
     Attributes:
         braking: (n,) rad/s^2, at which each joint brakes in a stop: the acceleration limit of swings, with which clearance is computed.
-        command_timeout: s, for which the drives may hold a command.
+        command_timeout: s, for which the drives hold a command.
+        hold: s, for which a command may act.
         latched: None, or why only a stop leaves until `reset`.
         params: What is let through.
     """
@@ -88,16 +92,18 @@ class Guard:
             limits: What swings may use.
         """
         self._model, self.params, limits = model, params or GuardParams(), limits or SwingLimits()
-        self.braking, self.command_timeout = np.array(limits.of_joints(model).acceleration), limits.command_timeout
+        self.braking, self.command_timeout, self.hold = np.array(limits.of_joints(model).acceleration), limits.command_timeout, limits.hold
         self.latched: Failure | None = None
         self._scale, self._limits = 1.0, self.params.of_joints(model).bounds
         self._last = np.zeros(len(model.names))
         self._now: float | None = None  # s, monotonic, when the last command left
+        self._sent = deque[tuple[float, Array]](maxlen=MOST_SENT)  # when (s, monotonic) commands left, oldest first
         self.reset()
 
     def reset(self) -> None:
         """Let commands through again, from the last one on."""
         self.latched = None
+        self._measured: tuple[Joints, float] | None = None  # and when (s, monotonic) that was
         self._time: float | None = None  # s, of the joint state that the last command answered
         self._stopping = False  # whether the last command was one of a stop
         self._damaged, self._damaged_since, self._found = 0, 0.0, False  # joint states in a row that show damage, since when, from a gap on
@@ -121,6 +127,7 @@ class Guard:
         """Take the measured speeds qdot (n,) rad/s for the last command, after a time in which the arm did not follow commands."""
         speed = self._model.speed_limits
         self._last, self._time = np.clip(qdot, -speed, speed), None
+        self._sent.clear()
 
     def look(self, joints: Joints, after_gap: bool = False) -> Failure | None:
         """Return the damage that the joint state shows, and latch it once it has lasted for `persistence` s without a pause.
@@ -152,44 +159,51 @@ class Guard:
             command: (n,) rad/s, as wanted.
             now: s, monotonic.
             planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
-            age: s, of `joints`: the arm has moved on since.
+            age: s, of `joints`: the arm has moved on since, by the commands that were sent.
         """
-        command, params, q = np.array(command, dtype=float), self.params, joints.q
+        command, params, q = np.array(command, dtype=float), self.params, self._place(now, joints, age)
         if self.latched is not None:
-            return self.stop(now, joints), self.latched
+            return self.stop(now, joints, age), self.latched
         if command.shape != q.shape or not np.isfinite(command).all():
-            return self.stop(now, joints), Failure(ArmStop.BROKEN_COMMAND, count=len(q), command=command)
+            return self.stop(now, joints, age), Failure(ArmStop.BROKEN_COMMAND, count=len(q), command=command)
         if planned is not None and joints.time - planned > params.stale_plan and command.any():
-            return self.stop(now, joints), Failure(ArmStop.OLD_PLAN, age=joints.time - planned, bound=params.stale_plan)
+            return self.stop(now, joints, age), Failure(ArmStop.OLD_PLAN, age=joints.time - planned, bound=params.stale_plan)
         begins, passed, allowed = self._time is None, self._passed(joints.time, now), np.empty(len(q))
-        cut = limit_command(q, command, self._last, passed, age + self.command_timeout, self._limits, self.braking, allowed)
-        near = self._near(q, allowed, age) if allowed.any() else None
+        cut = limit_command(q, command, self._last, passed, self.hold, self._limits, self.braking, allowed)
+        near = self._near(q, allowed) if allowed.any() else None
         if near is not None:
-            return self.stop(now, joints), near
-        self._last, self._now, self._stopping = allowed, now, False
+            return self.stop(now, joints, age), near
+        self._note(allowed, now, is_stop=False)
         if begins or cut == UNCUT:  # how long the arm has had for the first command is not known
             return allowed, None
         names = (name for name, is_cut in zip(self._model.names, cut_joints(allowed, command), strict=True) if is_cut)
         return allowed, Failure(CUTS[cut], joints=", ".join(names))
 
-    def stop(self, now: float, joints: Joints | None = None) -> Array:
+    def stop(self, now: float, joints: Joints | None = None, age: float = 0.0) -> Array:
         """Return the next command (n,) rad/s of a controlled stop, zero at the end.
 
         Where no command has left for long, the drive still holds the last one until its own timeout, and brakes by itself from then on.
         The stop begins from that speed.
 
+        The command of a stop, too, may be held by the drives. Where the arm could then run into something, because an earlier delay has
+        used up the room for that, it is smaller than the braking limit asks: room comes before smoothness.
+
         Args:
             now: s, monotonic.
-            joints: As measured, where that is known: then no joint comes nearer to its limit than it can brake, whatever its lag.
+            joints: As measured; None where nothing new is known.
+            age: s, of `joints`.
         """
         passed = 0.0 if self._now is None else max(now - self._now, 0.0)
         if not self._stopping:
             passed = max(min(passed, FIRST_STEP), passed - self.command_timeout)
         step = self.braking * passed
-        self._last, self._now, self._stopping = self._last + np.clip(-self._last, -step, step), now, True
-        if joints is not None:
-            clip_to_room(joints.q, 0.0, self._limits, self.braking, self._last)
-        return self._last
+        command = self._last + np.clip(-self._last, -step, step)
+        q = self._place(now, joints, age)
+        if q is not None and command.any():
+            clip_to_room(q, self.command_timeout, self._limits, self.braking, command)
+            command = self._clear_of_all(q, command)
+        self._note(command, now, is_stop=True)
+        return command
 
     def latch(self, failure: Failure, now: float) -> Array:
         """Stop, and go on stopping until `reset`; return the next command (n,) rad/s."""
@@ -209,16 +223,49 @@ class Guard:
         left, what = clearance(joints.q, self._model.bodies)
         return Failure(ArmStop.CONTACT, obstacle=OBSTACLES[what]) if left <= 0.0 else None
 
-    def _near(self, q: Array, command: Array, age: float) -> Failure | None:
+    def _note(self, command: Array, now: float, *, is_stop: bool) -> None:
+        """Keep the command that leaves."""
+        self._last, self._now, self._stopping = command, now, is_stop
+        self._sent.append((now, command))
+
+    def _place(self, now: float, joints: Joints | None, age: float) -> Array | None:
+        """Return the positions (n,) rad to which the commands since the last measurement have brought the joints; None if that is long ago.
+
+        Args:
+            now: s, monotonic.
+            joints: As measured now, if they were.
+            age: s, of `joints`.
+        """
+        if joints is not None:
+            self._measured = joints, now - age
+        if self._measured is None or now - self._measured[1] > LONGEST_GUESS:
+            return None
+        (joints, measured), until = self._measured, now
+        q = joints.q
+        for sent, command in reversed(self._sent):
+            begin = min(max(sent, measured), until)
+            q, until = q + min(until - begin, self.command_timeout) * command, begin
+            if sent <= measured:
+                return q
+        return q + (until - measured) * joints.qdot
+
+    def _clear_of_all(self, q: Array, command: Array) -> Array:
+        """Return the largest share of a command which the drives may hold and then brake from without touching anything."""
+        for share in (1.0, 0.75, 0.5, 0.25):
+            if braking_clearance(q, share * command, self.braking, self.command_timeout, self._model.bodies)[0] > 0.0:
+                return share * command
+        return np.zeros(len(q))
+
+    def _near(self, q: Array, command: Array) -> Failure | None:
         """Return a failure if braking from `command`, at once or after the drives have held it, ends too near to something.
 
         It is allowed if the arm is nearer to it now.
         """
         bodies, bound = self._model.bodies, self.params.clearance
-        left, what = braking_clearance(q, command, self.braking, age, bodies)
-        held, held_what = braking_clearance(q, command, self.braking, age + self.command_timeout, bodies)
-        if held + bound < left:  # a held command must not touch, no more: a command is held only if the process fails
-            left, what = held + bound, held_what
+        left, what = braking_clearance(q, command, self.braking, 0.0, bodies)
+        held, held_what = braking_clearance(q, command, self.braking, self.hold, bodies)
+        if held <= 0.0 or held + bound < left:  # only a touch counts: a command is held only if the process fails
+            left, what = (0.0 if held <= 0.0 else held + bound), held_what
         if left >= bound or left > clearance(q, bodies)[0]:
             return None
         return Failure(ArmStop.NEAR, left=max(0.0, left), obstacle=OBSTACLES[what], bound=bound)

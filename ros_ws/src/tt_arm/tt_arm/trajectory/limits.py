@@ -7,7 +7,7 @@ from enum import Enum
 
 from tt_core.params import check, param
 
-from ..joints import ACCELERATION, COMMAND_TIMEOUT, JERK, JointLimits
+from ..joints import ACCELERATION, COMMAND_TIMEOUT, HOLD_RESERVE, JERK, JointLimits
 from ..model import ArmModel
 from .legs import PROFILES
 
@@ -71,6 +71,13 @@ class SwingLimits:
         low=0.0,
         high=10.0,
     )
+    hold_reserve: float = param(
+        HOLD_RESERVE,
+        "s",
+        "time beyond `command_timeout` for which a command may act, because of its transport or of repeated delays of this process",
+        low=0.0,
+        high=10.0,
+    )
     jerk: float = param(
         JERK,
         "rad/s^3",
@@ -88,6 +95,11 @@ class SwingLimits:
     def ramp(self) -> float:
         """Return the time (s) that the jerk limit adds to a leg, see `profiles`."""
         return 0.0 if self.profile == "polyline" else 2.0 * self.acceleration / self.jerk
+
+    @property
+    def hold(self) -> float:
+        """Return for how long (s) a command may act."""
+        return self.command_timeout + self.hold_reserve
 
     def of_joints(self, model: ArmModel) -> JointLimits:
         """Return the limits that a swing of this arm keeps."""

@@ -69,7 +69,7 @@ def path_failure(path: Path, model: ArmModel, limits: SwingLimits) -> Failure | 
         model: The arm.
         limits: What the swing may use.
     """
-    joints, end, hold = limits.of_joints(model), path.duration, limits.command_timeout
+    joints, end, hold = limits.of_joints(model), path.duration, limits.hold
     names, units, polynomials = joints.names, joints.units, path.pieces[:2]
     braking = np.array(joints.acceleration)
     found = extremes(end, braking, hold, *polynomials)

@@ -129,11 +129,13 @@ class Bag:
             raise BagError(f"{self.path} holds several robots: {', '.join(found)}")
         return found[0]
 
-    def messages(self, topics: Collection[str] = ()) -> Iterator[Message]:
+    def messages(self, topics: Collection[str] = (), start: int | None = None, stop: int | None = None) -> Iterator[Message]:
         """Read messages in the order of time.
 
         Args:
             topics: Names of the topics wanted; all if empty.
+            start: ns, of the first message wanted; from the first one if None.
+            stop: ns, of the last message wanted; to the last one if None.
 
         Yields:
             The messages of those topics that can be given.
@@ -146,7 +148,7 @@ class Bag:
         streams = []
         for reader in self._readers:
             if mine := [connection for connection in reader.connections if connection in wanted]:
-                streams.append(reader.messages(mine))
+                streams.append(reader.messages(mine, start, None if stop is None else stop + 1))
         count = 0
         try:
             for connection, time, data in heapq.merge(*streams, key=lambda row: row[1]):

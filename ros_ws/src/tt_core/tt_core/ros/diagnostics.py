@@ -16,6 +16,7 @@ from ..failures import Failure
 from .convert import seconds
 from .inputs import Input
 from .qos import RELIABLE
+from .terminal import Terminal
 
 PERIOD = 1.0  # s between two reports about the inputs
 GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
@@ -56,10 +57,14 @@ class ReceivedStatus(NamedTuple):
 
 
 class Status:
-    """The diagnostics of one node."""
+    """The diagnostics of one node.
+
+    Attributes:
+        terminal: What the node tells in the terminal.
+    """
 
     def __init__(self, node: Node) -> None:
-        self._node = node
+        self._node, self.terminal = node, Terminal(node)
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
 

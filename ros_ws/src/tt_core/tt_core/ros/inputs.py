@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -9,7 +10,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from ..errors import BadMessage, TtError, check_range
@@ -27,6 +28,7 @@ class Input:
     Attributes:
         topic: The resolved name.
         publishers: How many publishers the topic had at the last look.
+        waited: s, that the message which was accepted last had been here before its callback, on a process that was held up.
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class Input:
         *,
         largest: int,
         refused: Callable[[TtError], None],
+        reliably: QoSProfile | None = None,
     ) -> None:
         """Subscribe.
 
@@ -50,10 +53,11 @@ class Input:
             qos: What is asked for where the publishers offer it.
             largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
+            reliably: What is asked for instead of `qos` where all publishers are reliable.
         """
-        self._node, self._kind, self._callback, self._wanted = node, kind, callback, qos
+        self._node, self._kind, self._callback, self._wanted, self._reliably = node, kind, callback, qos, reliably
         self._largest, self._refused = largest, refused
-        self.topic, self.publishers = node.resolve_topic_name(topic), 0
+        self.topic, self.publishers, self.waited = node.resolve_topic_name(topic), 0, 0.0
         self._asked = qos
         self._subscription = self._subscribe()
         node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -62,7 +66,8 @@ class Input:
         """Ask for what all publishers that are there now can serve."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
         self.publishers = len(offered)
-        asked = compatible(self._wanted, offered)
+        reliable = self._reliably is not None and all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)
+        asked = compatible(self._reliably if reliable and self._reliably else self._wanted, offered)
         if offered and (asked.reliability, asked.durability) != (self._asked.reliability, self._asked.durability):
             self._asked = asked
             self._node.destroy_subscription(self._subscription)
@@ -72,7 +77,8 @@ class Input:
         events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor
         return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
-    def _on_data(self, data: bytes) -> None:
+    def _on_data(self, data: bytes, info: dict[str, int]) -> None:
+        self.waited = max(0.0, 1e-9 * (time.time_ns() - info["received_timestamp"]))
         try:
             check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)
             message = deserialize_message(data, self._kind)

@@ -8,8 +8,10 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -22,7 +24,9 @@ from rosgraph_msgs.msg import Clock
 
 from ..errors import TtError
 from ..priority import set_priority
+from ..revision import package_version
 from ..start import SIGNALS, default_signals
+from .params import changed_parameters
 
 THREADS = 1.0  # s for the threads of a node to end after its context
 
@@ -33,9 +37,12 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
     While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a
     C callback. While `close` runs they wait; afterwards they end the process at once again.
 
-    Bad parameters, a TtError raised by `make`, end the process with one clear line and exit code 2. An exception in a thread of the node
-    ends it as one in a callback does: after `close`, with exit code 1. Threads must end with the context; errors of a context that has
-    ended are not told.
+    When the node is there it tells so in one line, with its version and the parameters that differ from the defaults. A node may add to
+    this line by an attribute `about`. A node whose name begins with _ tells nothing.
+
+    Bad parameters, a TtError raised by `make`, end the process with one clear line and exit code 2. An exception in a callback or a thread
+    of the node ends it after `close`, with one line and exit code 1; the traceback is told on the log level DEBUG. Threads must end with
+    the context; errors of a context that has ended are not told.
 
     Args:
         make: Returns the node.
@@ -46,30 +53,55 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
     _bound_clock()
     if nice:
         _prioritize(nice)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # RCLError: arguments of ROS that are none
+        print(str(error).partition(", at /")[0], file=sys.stderr)
+        raise SystemExit(2) from None
     node = _made(make)
     if node is None:
         gc.collect()  # what there is of the node goes, with the threads of its participant
         rclpy.try_shutdown()
         raise SystemExit(2)
-    asked, crashes = Future(), list[threading.ExceptHookArgs]()
+    asked, crashes = Future(), list[BaseException]()
 
     def on_thread_exception(crash: threading.ExceptHookArgs) -> None:
-        if rclpy.ok():
-            crashes.append(crash)
-            threading.__excepthook__(crash)
+        if rclpy.ok() and crash.exc_value is not None:
+            crashes.append(crash.exc_value)
             asked.set_result(None)
 
     threading.excepthook = on_thread_exception
+    _tell_ready(node)
     try:
         with _signals(asked):
             _spin(node, asked)
+    except Exception as error:
+        crashes.append(error)
     finally:
         rclpy.try_shutdown()
         _join_threads()
+        _tell_crashes(node, crashes)
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
+
+
+def _tell_ready(node: Node) -> None:
+    if node.get_name().startswith("_"):
+        return
+    package = type(node).__module__.partition(".")[0]
+    changed = [f"{name} = {value}" for name, value in changed_parameters(node).items()]
+    parts = [f"{package} {package_version(package)}", *filter(None, [getattr(node, "about", "")]), *changed]
+    node.get_logger().info(f"ready: {', '.join(parts)}")
+
+
+def _tell_crashes(node: Node, crashes: Sequence[BaseException]) -> None:
+    for crash in crashes:
+        node.get_logger().debug("".join(traceback.format_exception(crash)))
+        frames = traceback.extract_tb(crash.__traceback__)
+        where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+        kind = "" if isinstance(crash, TtError) else f"{type(crash).__name__}: "
+        print(f"{kind}{crash}{where}", file=sys.stderr, flush=True)
 
 
 def _bound_clock() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any, TypeVar, overload
+from weakref import WeakKeyDictionary
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -13,10 +15,11 @@ from rclpy.parameter import Parameter
 
 from ..constants import BALL_RADIUS
 from ..errors import TtError
-from ..params import check_value, param
+from ..params import check_value, coerce, param
 from ..physics import Physics
 
 T = TypeVar("T")
+_CHANGED: WeakKeyDictionary[Node, dict[str, Any]] = WeakKeyDictionary()  # values that are not the defaults, by name
 
 
 @overload
@@ -42,10 +45,17 @@ def declare(node: Node, kind: Any, prefix: str = "", changed: Callable[[Any], No
         values[f.name] = _declare(node, prefix + f.name, getattr(default, f.name), f.default, f.metadata, read_only=not settable)
         if settable:
             dynamic.add(f.name)
+    differing = {prefix + name: value for name, value in values.items() if value != getattr(default, name)}
+    _CHANGED.setdefault(node, {}).update(differing)
     params = type(default)(**values)
     if changed is not None:
         _Follower(node, prefix, params, frozenset(dynamic), changed)
     return params
+
+
+def changed_parameters(node: Node) -> dict[str, Any]:
+    """Return the parameters that were declared with other values than their defaults, by name."""
+    return dict(_CHANGED.get(node, {}))
 
 
 def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping[str, Any], *, read_only: bool) -> Any:
@@ -56,25 +66,13 @@ def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping
     node.undeclare_parameter(name)
     if given is None and isinstance(value, tuple):  # so comes an empty list
         given = ()
-    used = value if isinstance(given, float) and math.isnan(given) else _coerce(name, given, value)
+    used = value if isinstance(given, float) and math.isnan(given) else coerce(name, given, value)
     check_value(name, used, standard, metadata)
     listed = list(used) if isinstance(used, tuple) else used
     descriptor = describe(metadata, value, read_only=read_only)
     descriptor.dynamic_typing = listed == []  # an empty list has no type
     node.declare_parameter(name, listed, descriptor, ignore_override=True)
     return used
-
-
-def _coerce(name: str, value: Any, default: Any) -> Any:
-    """Return `value` in the type of `default`; integers stand for floats, lists for tuples. Raises TtError."""
-    kind = type(default)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if kind is tuple and hasattr(value, "__len__") and not isinstance(value, (str, bytes)):
-        return tuple(_coerce(f"{name}[{i}]", v, default[0]) if default else v for i, v in enumerate(value))
-    if not isinstance(value, kind):
-        raise TtError(f"parameter {name} = {value!r} is not of type {kind.__name__}")
-    return value
 
 
 def describe(metadata: Mapping[str, Any], default: Any, *, read_only: bool) -> ParameterDescriptor:
@@ -140,11 +138,21 @@ def declare_physics(node: Node, prefix: str = "") -> Physics:
 
     A coefficient that is set replaces that of the model; NaN stands for that of the model.
     """
-    params = declare(node, PhysicsParams, prefix)
+    return read_physics(partial(declare, node), prefix)
+
+
+def read_physics(read: Callable[..., Any], prefix: str = "") -> Physics:
+    """Return the model that parameters give.
+
+    Args:
+        read: Takes a dataclass of parameters, or an instance that has the defaults, and a prefix; returns an instance.
+        prefix: Before each name.
+    """
+    params = read(PhysicsParams, prefix)
     default = Physics.liu() if params.physics == "liu" else Physics.measured()
     return Physics(
-        declare(node, default.air, prefix + "air."),
-        declare(node, default.table, prefix + "table."),
-        declare(node, default.racket, prefix + "racket."),
+        read(default.air, prefix + "air."),
+        read(default.table, prefix + "table."),
+        read(default.racket, prefix + "racket."),
         params.contact_height,
     )

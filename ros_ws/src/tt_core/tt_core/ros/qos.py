@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 SENSOR = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)  # images: one burst of a ball fits
+RECORDED = QoSProfile(depth=1000)  # images of a recording: none may be lost
 RELIABLE = QoSProfile(depth=100)  # a recorder on a busy machine is 0.1 s behind
 LATEST = QoSProfile(depth=1)  # only the newest matters
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # the same, where an old one must never come late

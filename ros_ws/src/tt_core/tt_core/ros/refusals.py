@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import math
 import time
+from enum import Enum
 
 from ..errors import TtError
 from .diagnostics import Status
 
 INTERVAL = 0.1  # s, at least, between two refusals that are told
+
+
+class RefusalLine(Enum):
+    """What the terminal tells of refusals."""
+
+    REFUSED = "{what} refused: {error}"
 
 
 class Refusals:
@@ -35,3 +42,4 @@ class Refusals:
             left_out, self._told, self._last = self.total - self._told - 1, self.total, now
             values = {"code": type(error).__name__, **vars(error), "total": self.total, "left_out": left_out}
             self._status.publish(f"{self._what} refused: {error}", warn=True, **values)
+            self._status.terminal.warn(RefusalLine.REFUSED, what=self._what, error=error)

@@ -46,12 +46,21 @@ class CannotOpen(SourceError):
         self.source = source
 
 
+class MissingSide(SourceError):
+    """Two videos or devices are needed, and one is not given."""
+
+    def __init__(self, kind: str) -> None:
+        """Keep the kind of the source."""
+        super().__init__(f"two {kind}s are needed: `path` is the left one, `right` the right one")
+        self.kind = kind
+
+
 class NotDeviceNumbers(SourceError):
-    """Devices that are not given by two numbers."""
+    """Devices that are not given by two numbers, or by paths that end in one."""
 
     def __init__(self, devices: Sequence[str]) -> None:
         """Keep what was given."""
-        super().__init__(f"devices are two numbers, got {list(devices)}")
+        super().__init__(f"devices are two numbers, or paths such as /dev/video0, got {list(devices)}")
         self.devices = list(devices)
 
 
@@ -115,6 +124,8 @@ def read_images(
     Raises:
         SourceError: The source cannot be opened; at the first image.
     """
+    if params.kind in ("video", "device") and not (params.path and params.right):
+        raise MissingSide(params.kind)
     if params.kind == "folder":
         return from_folder(Path(params.path))
     if params.kind == "video":
@@ -178,12 +189,13 @@ def from_devices(
         counts: Takes these numbers.
 
     Raises:
-        NotDeviceNumbers: `numbers` are no numbers.
+        NotDeviceNumbers: `numbers` are no numbers and no paths such as /dev/video0.
         DeviceError: A device cannot be opened or set up.
     """
-    if not all(number.isdigit() for number in numbers):
+    found = [re.fullmatch(r"(?:/dev/video)?(\d+)", number) for number in numbers]
+    if not all(found):
         raise NotDeviceNumbers(numbers)
-    for time, images in grabs([int(number) for number in numbers], now, params, frame_rate, counts):
+    for time, images in grabs([int(match[1]) for match in found if match], now, params, frame_rate, counts):
         for side, image in enumerate(images):
             yield StampedImage(side, time, to_grey(image))
 

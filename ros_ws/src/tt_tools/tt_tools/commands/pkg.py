@@ -1,0 +1,37 @@
+"""ros2 pkg: list, executables, prefix."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from .. import packages
+from .arguments import Verbs, add_package, group, verb
+
+
+def show_list(_: Namespace) -> None:
+    """Print the names of all packages."""
+    print("\n".join(packages.names()))
+
+
+def executables(args: Namespace) -> None:
+    """Print the executables of a package, or of all."""
+    for package in [args.package_name] if args.package_name else packages.names():
+        for name, path in packages.executables(package).items():
+            print(path if args.full_path else f"{package} {name}")
+
+
+def prefix(args: Namespace) -> None:
+    """Print where a package is installed."""
+    print(packages.share(args.package_name) if args.share else packages.prefix(args.package_name))
+
+
+def add(words: Verbs) -> None:
+    """Add the word and its verbs."""
+    verbs = group(words, "pkg", "look at packages")
+    verb(verbs, "list", show_list, "name the packages")
+    one = verb(verbs, "executables", executables, "name the executables of a package, or of all")
+    add_package(one, nargs="?")
+    one.add_argument("--full-path", action="store_true", help="print their paths")
+    one = verb(verbs, "prefix", prefix, "print where a package is installed")
+    add_package(one)
+    one.add_argument("--share", action="store_true", help="print the folder of its data files")
