@@ -1,7 +1,7 @@
 """Kernel of the posture in closed form, for arms with a spherical shoulder, an elbow and a spherical wrist, as the PA10.
 
 Their rotation is R = Rz(q1) Ry(q2) Rz(q3) Ry(q4) Rz(q5) Ry(q6) Rz(q7), dissertation (B.1)-(B.8), and no axis stands aside. `elbow_search`
-finds the best posture of such an arm in a quarter of the time that `posture_search`, which takes any arm, needs (`scripts/bench postures`).
+finds the best posture of such an arm in 0.4 of the time that `posture_search`, which takes any arm, needs (`scripts/bench arms`).
 """
 
 from __future__ import annotations
