@@ -27,6 +27,8 @@ from .safety.stops import ArmStop
 from .servo import ServoParams, follow
 from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_stroke, stroke_distance
 from .swing import Swing, SwingLimits, plan
+from .trajectory.legs import make_leg
+from .trajectory.path import Path
 
 AT_REST = 0.02  # rad/s, below which a stop is over
 AT_WAITING = 0.02  # rad, from the waiting posture, within which the first motion after enabling is over
@@ -421,5 +423,7 @@ def warm(model: ArmModel) -> None:
         control.guard.check(Joints(time, joints.q, joints.qdot), np.full(len(joints.q), 0.01), time)
     for method in ("near", "liu") if len(model.names) == dissertation.JOINTS else ("near",):
         reach(model, racket, model.waiting, method=method)
+    rest = np.zeros(len(model.names))
+    Path(control.limits.of_joints(model).bounds, "auto").is_possible(1.0, make_leg(model.waiting, rest, rest, near, rest))
     for profile in ("quintic", "trapezoid", "polyline"):
         plan(model, joints, None, 0.0, SwingLimits(profile=profile))
