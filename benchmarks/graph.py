@@ -30,7 +30,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from tt_core.ros.convert import seconds
-from tt_core.ros.diagnostics import Event, read_status
+from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import RELIABLE, TRUTH
 from tt_tools import launch, packages
 
@@ -109,13 +109,11 @@ class Watch(Node):
                 self.record = time.time(), values
             elif told.event is Event.FIRST_COMMAND and "latency_ms" in values:
                 self.latencies.append((told.time, float(values["latency_ms"])))
-        stamp = seconds(message.header.stamp)
-        for s in message.status:
-            if s.level != s.OK:
-                reasons = next((v.value for v in s.values if v.key == "reasons"), "")
-                warning = Warning(stamp, s.name, f"{s.message}: {reasons}" if reasons else s.message)
-                self.warnings.append(warning)
-                self._tell(f"[{warning.name}] warns: {warning.text}")
+        for s in read_warnings(message):
+            reasons = s.values.get("reasons")
+            warning = Warning(s.time, s.name, f"{s.message}: {reasons}" if reasons else s.message)
+            self.warnings.append(warning)
+            self._tell(f"[{warning.name}] warns: {warning.text}")
         with self.changed:
             self.changed.notify_all()
 

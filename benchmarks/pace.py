@@ -19,7 +19,7 @@ from rclpy.node import Node
 from report import arguments, report
 from rich.console import Console
 from tt_bringup.demo import free_domain
-from tt_core.ros.diagnostics import Event, read_status
+from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import RELIABLE
 from tt_sim.world.outcome import Result
 from tt_tools import launch, packages
@@ -47,7 +47,7 @@ class Watch(Node):
                 self.results.append(Result(values["result"]) if json.loads(values["hit"]) else Result.MISSED)
             elif told.name in STAGES and "latency_ms" in values and told.event is not Event.SWING:
                 self.latencies[told.name].append(float(values["latency_ms"]))
-        self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in message.status if s.level != s.OK]
+        self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in read_warnings(message)]
 
 
 def main() -> None:
@@ -57,7 +57,7 @@ def main() -> None:
 
     def tell(line: str) -> None:
         started = re.match(r"\[launch\] (\S+) started, process (\d+)", line)
-        if started and started[1] != "enable":  # which ends by itself
+        if started and started[1] not in ("enable", "robot_state_publisher"):  # these may end by themselves
             told[started[1]] = psutil.Process(int(started[2]))
 
     given = {"rate": str(RATE), "seed": "0"}

@@ -18,7 +18,8 @@ MODELS = {  # what the simulator may use of the packages that it tests: models o
     "tt_arm.model",
     "tt_arm.safety.clearance",
 }
-ROS = {"rclpy", "rosgraph_msgs", "sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "std_srvs", "trajectory_msgs", "diagnostic_msgs"}
+MESSAGES = ("rosgraph", "sensor", "nav", "geometry", "std", "trajectory", "diagnostic", "visualization")
+ROS = {"rclpy", "std_srvs", *(f"{name}_msgs" for name in MESSAGES)}
 
 
 def modules(path):
@@ -58,7 +59,8 @@ def test_a_package_imports_the_vocabulary_and_no_sibling(path):
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_ros_is_known_to_nodes_only(path):
-    programs = {f"tt_bringup/tt_bringup/{name}.py" for name in ("demo", "parameters", "reprocess", "stages")}
+    names = "demo", "parameters", "reprocess", "robot_state_publisher", "stages", "view/scene_inputs"
+    programs = {f"tt_bringup/tt_bringup/{name}.py" for name in names}
     is_ros = (
         path.name.endswith("_node.py") or relative(path).startswith(("tt_core/tt_core/ros/", "tt_tools/")) or relative(path) in programs
     )
@@ -67,11 +69,11 @@ def test_ros_is_known_to_nodes_only(path):
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_the_truth_is_known_to_the_simulator_only(path):
-    """No node outside tt_sim reads /sim/*: the recorder takes every topic without naming any, the report page evaluates a recording."""
-    if relative(path).startswith("tt_sim/") or relative(path) == "tt_bringup/tt_bringup/report.py":
+    """No node of the robot reads sim/*. The recorder takes every topic without naming any; report and view only show the truth."""
+    if relative(path).startswith("tt_sim/") or relative(path) in ("tt_bringup/tt_bringup/report.py", "tt_bringup/tt_bringup/view_node.py"):
         return
     strings = {n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
-    assert not any(text.startswith("/sim/") for text in strings)
+    assert not any(text.startswith(("/sim/", "sim/")) for text in strings)
 
 
 def test_launch_files_remap_no_truth_to_the_robot():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from arm.own_urdfs import EIGHT, SIX
 from tt_arm.arm_file import load_arm
-from tt_arm.description.urdf import UrdfError
+from tt_arm.arm_urdf.urdf import UrdfError
 from tt_arm.model import ArmModel
 from tt_core.strict_yaml import BadFile
 

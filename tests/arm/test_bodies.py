@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arm.own_urdfs import ARMS, FIVE
-from tt_arm.description.bodies import around_box, around_cylinder, around_mesh, around_points, capsules
-from tt_arm.description.meshes import MeshNotFound, resolve, triangles
-from tt_arm.description.urdf import UrdfError, UrdfFailure, UrdfOptions, read
+from tt_arm.arm_urdf.bodies import around_box, around_cylinder, around_mesh, around_points, capsules
+from tt_arm.arm_urdf.meshes import MeshNotFound, resolve, triangles
+from tt_arm.arm_urdf.urdf import UrdfError, UrdfFailure, UrdfOptions, read
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import (
     between_segments,

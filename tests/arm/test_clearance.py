@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tt_arm.description.geometry import BLADE_ALLOWANCE
+from tt_arm.arm_urdf.geometry import BLADE_ALLOWANCE
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arm.own_urdfs import ARMS, EIGHT, FIVE, GANTRY, SIX, joint, link
-from tt_arm.description.urdf import UrdfError, UrdfFailure, UrdfOptions
+from tt_arm.arm_urdf.urdf import UrdfError, UrdfFailure, UrdfOptions
 from tt_arm.dynamics import joint_torques
 from tt_arm.joints import NO_ACCELERATION_LIMIT, NO_JERK_LIMIT
 from tt_arm.model import BASE, MOUNT, URDF, ArmModel

@@ -13,6 +13,7 @@ from tt_sim.launch_store import ReadyImage, ReadyLaunch
 from tt_sim.pace import SLEW, Pace
 from tt_sim.sim_loop import SimLoop
 from tt_sim.sim_params import SimParams
+from tt_sim.simulated_robot import warm
 from tt_sim.world.drive import Drive
 from tt_sim.world.plant import Plant
 from tt_sim.world_file import WorldParams
@@ -49,7 +50,8 @@ class Heard:
     def publish_ball(self, ball):
         self.balls.append(ball)
 
-    def publish_joints(self, joints):
+    def publish_joints(self, joints, effort):
+        assert np.abs(effort).max() < MODEL.torque_limits.max()  # N m; it holds its own weight
         self.joints.append(joints)
 
     def publish_truth(self, tick):
@@ -74,6 +76,7 @@ class Heard:
 def run(store, duration, *, rate=0.0, dark=(), **params):
     """The loop for `duration` real seconds."""
     heard, plant = Heard(), Plant(MODEL)
+    warm(plant)  # the loop counts real seconds
     loop = SimLoop(SimParams(**params), WorldParams(), plant, Drive(MODEL.names, plant.limits.speed), store, dark, heard)
     loop.rate, end = rate, time.monotonic() + duration
     loop.run(lambda: time.monotonic() < end)
@@ -104,6 +107,30 @@ def test_joints_come_every_tick_and_the_clock_at_its_rate():
     assert np.diff([joints.time for joints in heard.joints]) == pytest.approx(0.002, abs=1e-6)  # s; a stamp of today is known to 2.4e-7
     assert np.median(np.diff(heard.clock)) == pytest.approx(0.004, abs=1e-6)
     assert abs(heard.joints[-1].time - time.time()) < 0.5  # s; it keeps up with the real time even on a busy machine
+
+
+def test_a_paused_loop_stands_still_and_steps():
+    heard, plant = Heard(), Plant(MODEL)
+    loop = SimLoop(SimParams(), WorldParams(), plant, Drive(MODEL.names, plant.limits.speed), Store(), (), heard)
+    moments = []  # s, simulated, at each look
+
+    def is_running():
+        n = len(moments)
+        moments.append(heard.joints[-1].time if heard.joints else 0.0)
+        if n == 20:
+            loop.pause(True)
+        elif n == 40:
+            loop.step(0.02)
+        elif n == 80:
+            loop.pause(False)
+        return n < 120
+
+    loop.run(is_running)
+    assert moments[40] == moments[21] > 0.0  # it stood still
+    assert moments[79] - moments[40] == pytest.approx(0.02, abs=1e-6)  # one step
+    times = [joints.time for joints in heard.joints]
+    assert np.diff(times) == pytest.approx(0.002, abs=1e-6)  # s; it goes on where it stood
+    assert times[-1] > moments[79] + 0.05
 
 
 def test_dark_frames_leave_only_if_asked_for():

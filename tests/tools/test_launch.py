@@ -93,10 +93,11 @@ def test_one_argument_opens_the_graph_to_other_machines(name, sees):
     """Each machine starts its part; without `peers` the environment stays as it is."""
     path = SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml"
     whole = processes(path, {"record": "false", "enabled": "true"})
-    assert [process.name for process in whole] == [sees, "estimate", "predict", "racket", "arm", "enable"]
+    planning = ["predict", "racket", "arm", "enable", "markers", "robot_state_publisher"]
+    assert [process.name for process in whole] == [sees, "estimate", *planning]
     assert not any(process.environment for process in whole)
     opened = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "192.168.1.2;other.local"}
-    for part, names in (("arm", [sees, "estimate"]), ("vision", ["predict", "racket", "arm", "enable"])):
+    for part, names in (("arm", [sees, "estimate"]), ("vision", planning)):
         started = processes(path, {"record": "false", "enabled": "true", "peers": "192.168.1.2;other.local", part: "false"})
         assert [process.name for process in started] == names
         assert all(process.environment == opened for process in started)
@@ -160,10 +161,10 @@ def test_our_files_are_what_the_frontend_of_ros_takes(path):
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_nodes_are_started_again_but_the_arm_is_enabled_once(path):
-    """What a restart would repeat is in no parameter."""
+    """What a restart would repeat is in no parameter. A view that cannot serve its page does not end the robot."""
     nodes = [keys for kind, keys in read(path) if kind == "node"]
     again = {keys["exec"] for keys in nodes if keys.get("respawn") == "true"}
-    assert again == {keys["exec"] for keys in nodes} - {"play_node", "enable"}
+    assert again == {keys["exec"] for keys in nodes} - {"play_node", "enable", "robot_state_publisher", "view_node"}
     assert all(keys.get("respawn") == "true" or "on_exit" in keys for keys in nodes if keys["exec"] in again)
     assert "enabled" not in {param.get("name") for keys in nodes for param in keys.get("param", ())}
 

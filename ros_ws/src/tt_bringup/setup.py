@@ -20,7 +20,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
-        ("lib/tt_bringup", ["scripts/compare", "scripts/reprocess"]),
+        (
+            "lib/tt_bringup",
+            [f"scripts/{name}" for name in ("compare", "marker_node", "reprocess", "robot_state_publisher", "view_node")],
+        ),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
     ],

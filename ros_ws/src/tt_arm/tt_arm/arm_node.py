@@ -19,7 +19,7 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import BadShape, TtError
@@ -31,11 +31,12 @@ from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
-from tt_core.ros.qos import LATEST, NEWEST
+from tt_core.ros.qos import LATCHED, LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 
 from .arm_file import load_arm
 from .control import ArmControl, ControlParams, ControlStep, warm
+from .description import placed_description
 from .joints import Joints
 from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
@@ -96,7 +97,7 @@ class ArmParams:
 
 
 class ArmNode(Node):
-    """Subscribe to joint states and strokes; publish velocity commands and the planned swing."""
+    """Subscribe to joint states and strokes; publish velocity commands, the planned swing and the description of the arm."""
 
     def __init__(self) -> None:
         """Declare the parameters, check the arm, load the kernels, and connect."""
@@ -123,7 +124,7 @@ class ArmNode(Node):
             self._in_simulated_time(declare(self, JointStateParams, "states.")),
         )
         self.on_params(params)
-        self.status = Status(self)
+        self.status = Status(self, hardware=model.pinocchio.name)
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on
         self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
@@ -135,6 +136,9 @@ class ArmNode(Node):
         self.arrival, self.ending = threading.Event(), False
         self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
+        self.description = self.create_publisher(String, "robot_description", LATCHED)
+        urdf = Path(params.urdf or str(URDF)).read_text()
+        self.description.publish(String(data=placed_description(urdf, params.base, params.mount)))
         self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(

@@ -15,9 +15,9 @@ from tt_core.constants import GRAVITY
 from tt_core.errors import check_array, check_range
 from tt_core.states import Array
 
-from .description.bodies import capsules
-from .description.geometry import bodies, chain, joint_frames, links
-from .description.urdf import RACKET, Description, UrdfError, UrdfFailure, UrdfOptions, read
+from .arm_urdf.bodies import capsules
+from .arm_urdf.geometry import bodies, chain, joint_frames, links
+from .arm_urdf.urdf import RACKET, Description, UrdfError, UrdfFailure, UrdfOptions, read
 from .dynamics import Links
 from .ik.closed_form import ElbowArm, elbow_arm
 from .ik.posture_search import Atlas, make_atlas
@@ -74,7 +74,7 @@ def _pinocchio(description: Description, base: pin.SE3) -> pin.Model:
     try:
         model = pin.buildModelFromXML(ET.tostring(robot, encoding="unicode"))
     except (ValueError, RuntimeError) as error:
-        raise UrdfError(UrdfFailure.NOT_READABLE, urdf=description.urdf, error=error) from error
+        raise UrdfError(UrdfFailure.NOT_READABLE, urdf=arm_urdf.urdf, error=error) from error
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
     model.jointPlacements[1] = base * model.jointPlacements[1]
     for frame in model.frames:

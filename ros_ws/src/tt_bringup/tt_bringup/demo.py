@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -29,10 +31,10 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
-from tt_core.ros.convert import ball_from_message, goal_to_message, seconds
-from tt_core.ros.diagnostics import Event, read_status
+from tt_core.ros.convert import ball_from_message, goal_from_message, goal_to_message, seconds
+from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
-from tt_core.states import BallState, ReturnGoal
+from tt_core.states import Array, BallState, ReturnGoal
 from tt_racket.goal import GoalParams, default_goal
 from tt_tools import launch
 from tt_tools.graph import graph as graph_of_tools
@@ -46,7 +48,8 @@ BALL = 10.0  # s, simulated, from a launch to the end of the ball
 LONGEST_REST = 3.0  # s, simulated, from the end of a ball to the next launch
 SERVICE = 10.0  # s for the answer of a service
 ENDING = 30.0  # s for the launch to end its nodes
-NODES = {"record", "sim", "estimate", "predict", "racket", "arm"}
+PORT = 8080  # of the page of the view, if it is free
+NODES = {"record", "sim", "estimate", "predict", "racket", "arm", "markers"}
 LINKS = {  # subscribers that each topic must have
     "/camera/left/image_raw": 2,
     "/camera/right/image_raw": 2,
@@ -66,14 +69,17 @@ class Demo(Node):
         self.measured: BallState | None = None
         self.latency_ms: float | None = None
         self.refusal: str | None = None
+        self.goal: ReturnGoal | None = None  # that somebody else has asked for
         self.rest = 0.0  # s, sim time, when the arm is back
         self.over = 0.0  # s, sim time, when the last ball was
+        self.own: MultiDOFJointTrajectory | None = None  # the last goal that this node has asked for
         self.asked = self.create_publisher(MultiDOFJointTrajectory, "/return/goal", LATCHED)
         self.launcher = self.create_client(Trigger, "/launcher/launch")
         self.enabler = self.create_client(SetBool, "/arm/enable")
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
         self.create_subscription(Odometry, "/ball/measured", self.on_measured, RELIABLE)
         self.create_subscription(JointTrajectory, "/arm/swing", self.on_swing, LATEST)
+        self.create_subscription(MultiDOFJointTrajectory, "/return/goal", self.on_goal, RELIABLE)
 
     def forget(self) -> None:
         """Forget the last ball."""
@@ -82,6 +88,20 @@ class Demo(Node):
     def on_measured(self, message: Odometry) -> None:
         """Keep the measured ball."""
         self.measured = ball_from_message(message)
+
+    def ask(self, spin: Array) -> ReturnGoal:
+        """Publish the default goal for a ball of this spin (3,), unless somebody else has asked for one; return what is asked."""
+        if self.goal is None:
+            goal = default_goal(spin, GoalParams())
+            self.own = goal_to_message(goal, self.get_clock().now().nanoseconds * 1e-9)
+            self.asked.publish(self.own)
+            return goal
+        return self.goal
+
+    def on_goal(self, message: MultiDOFJointTrajectory) -> None:
+        """Keep a goal that somebody else has asked for, as on the page of the view."""
+        if message != self.own:
+            self.goal = goal_from_message(message)
 
     def on_swing(self, message: JointTrajectory) -> None:
         """Keep the time when the arm is back."""
@@ -94,9 +114,8 @@ class Demo(Node):
                 self.told, self.over = told.values, told.time
             elif told.event is Event.FIRST_COMMAND and self.latency_ms is None:
                 self.latency_ms = float(told.values["latency_ms"])
-        for status in message.status:
-            if status.level != status.OK:
-                self.refusal = f"{status.name}: {status.message}"
+        for warning in read_warnings(message):
+            self.refusal = f"{warning.name}: {warning.message}"
 
 
 @contextmanager
@@ -170,8 +189,7 @@ def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics
     for _ in range(balls):
         demo.forget()
         shot = waiter.call(demo.launcher, Trigger.Request())
-        goal: ReturnGoal = default_goal(np.array(SPINS[shot.split()[0]], float), GoalParams())
-        demo.asked.publish(goal_to_message(goal, demo.get_clock().now().nanoseconds * 1e-9))
+        goal = demo.ask(np.array(SPINS[shot.split()[0]], float))
         waiter.wait(lambda: demo.told is not None, 10.0 + BALL / rtf, f"the end of the ball {shot}")
         assert demo.told is not None
         scores.append(demo_metrics(demo.told, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
@@ -214,6 +232,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all that is random (default 0)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     parser.add_argument("--rtf", type=float, default=1.0, metavar="R", help="simulated seconds in a second (default 1)")
+    parser.add_argument("--view", action="store_true", help="show it live in a browser, and go on after the last ball until Ctrl-C")
     parser.add_argument("--out", type=Path, metavar="DIR", help="where to record (default out/demo_<time>)")
     args = parser.parse_args()
     for name, value, low, high in (("balls", args.balls, 1, 10**6), ("rtf", args.rtf, 0.01, 10.0), ("seed", args.seed, 0, 2**31)):
@@ -231,10 +250,28 @@ def arguments() -> argparse.Namespace:
     return args
 
 
-def start(demo: Demo, waiter: Waiter) -> None:
+def free_port() -> int:
+    """Return PORT if it is free, otherwise another free port of 127.0.0.1."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", PORT))
+        except OSError:
+            probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def stay(waiter: Waiter) -> None:
+    """Keep the graph for the page of the view until Ctrl-C."""
+    with suppress(KeyboardInterrupt):
+        print("the page stays until Ctrl-C; its buttons launch balls", flush=True)
+        waiter.wait(lambda: False, math.inf, "Ctrl-C")
+
+
+def start(demo: Demo, waiter: Waiter, nodes: set[str]) -> None:
     """Wait until all nodes are there and hear each other, then enable the arm."""
     there = lambda: demo.launcher.service_is_ready() and demo.enabler.service_is_ready()  # noqa: E731
-    waiter.wait(lambda: set(demo.get_node_names()) >= NODES and there(), READY, "all nodes")
+    waiter.wait(lambda: set(demo.get_node_names()) >= nodes and there(), READY, "all nodes")
     waiter.wait(lambda: all(demo.count_subscribers(topic) >= n for topic, n in LINKS.items()), READY, f"subscribers of {', '.join(LINKS)}")
     waiter.call(demo.enabler, SetBool.Request(data=True))
     commands: list[Float64MultiArray] = []  # a command answers a joint state, so both ways are open
@@ -249,8 +286,12 @@ def main() -> None:
     out = args.out.absolute()
     free_domain()
     simulated = "false" if args.rtf == 1.0 else "true"
-    given = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu", "record": "true", "output": out / "bag"}
+    given: dict[str, object] = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu"}
+    given |= {"record": "true", "output": out / "bag"}
     given["enabled"] = "false"  # `start` enables the arm when all nodes are there
+    nodes = NODES | ({"view"} if args.view else set())
+    if args.view:  # only simulated time can be paused
+        given |= {"view": "true", "view_port": free_port(), "use_sim_time": "true"}
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     log = (out / "log.txt").open("w", buffering=1)
     try:
@@ -260,10 +301,14 @@ def main() -> None:
             try:
                 demo = Demo()
                 waiter = Waiter(demo, running)
-                print(f"starting {len(NODES)} nodes on domain {os.environ['ROS_DOMAIN_ID']}", flush=True)
-                start(demo, waiter)
+                print(f"starting {len(nodes)} nodes on domain {os.environ['ROS_DOMAIN_ID']}", flush=True)
+                start(demo, waiter, nodes)
+                if args.view:
+                    print(f"live view: http://127.0.0.1:{given['view_port']}/", flush=True)
                 print(HEADER, flush=True)
                 scores = play(demo, waiter, args.balls, args.rtf)
+                if args.view:
+                    stay(waiter)
             finally:
                 rclpy.try_shutdown()
     except KeyboardInterrupt:

@@ -29,6 +29,8 @@ from tt_tools.play_node import PlayParams
 from tt_tools.record_node import RecordParams
 from tt_vision.rig import SIDES
 
+from .view_node import ViewParams
+
 NODES = {
     "sim": ("tt_sim", "sim_node"),
     "camera": ("tt_vision", "camera_node"),
@@ -36,6 +38,8 @@ NODES = {
     "predict": ("tt_predict", "predict_node"),
     "racket": ("tt_racket", "racket_node"),
     "arm": ("tt_arm", "arm_node"),
+    "markers": ("tt_bringup", "marker_node"),
+    "view": ("tt_bringup", "view_node"),
 }
 # NaN in the file: the value of the model, the world or the hit window that is named
 MODELS = ("air.", "table.", "racket.", "plant.", "x_low", "x_high", "y_low", "y_high", "z_low", "z_high")
@@ -113,7 +117,7 @@ def collect() -> dict[str, list[Declared]]:
         for side in SIDES:  # the camera node ends without an image
             cv2.imwrite(f"{folder}/{side}_0.000000.png", np.zeros((8, 8), np.uint8))
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        given = {"camera": ["--ros-args", "-p", f"path:={folder}"]}
+        given = {"camera": ["--ros-args", "-p", f"path:={folder}"], "view": ["--ros-args", "-p", "port:=0"]}
         started = [subprocess.Popen([executable(*place), *given.get(name, ())]) for name, place in NODES.items()]
         rclpy.init()
         node, executor = rclpy.create_node("parameters"), SingleThreadedExecutor()
@@ -128,9 +132,8 @@ def collect() -> dict[str, list[Declared]]:
                 process.terminate()
             for process in started:
                 process.wait()
-    for one in nodes["camera"]:
-        if one.name == "path":
-            one.value = ""
+    for one in nodes["camera"] + nodes["view"]:
+        one.value = {"path": "", "port": ViewParams.port}.get(one.name, one.value)
     return nodes | {"record": of_class(RecordParams), "play": of_class(PlayParams)}
 
 

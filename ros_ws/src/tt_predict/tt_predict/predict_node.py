@@ -8,13 +8,13 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.hit_windows import PATH_END_X
 from tt_core.params import check, param
-from tt_core.ros.convert import ball_from_message, path_to_message
+from tt_core.ros.convert import ball_from_message, path_to_message, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
@@ -49,7 +49,10 @@ class PredictParams:
 
 
 class PredictNode(Node):
-    """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics."""
+    """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics.
+
+    The same path goes to ball/path_poses in the form that viewers draw.
+    """
 
     def __init__(self) -> None:
         """Declare parameters, load the kernels, then subscribe."""
@@ -61,6 +64,7 @@ class PredictNode(Node):
         uncertainty(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
         self.status = Status(self)
         self.path = self.create_publisher(MultiDOFJointTrajectory, "ball/path", RELIABLE)
+        self.poses = self.create_publisher(Path, "ball/path_poses", RELIABLE)
         self.refused = Refusals(self.status, "state")
         states = Input(self, Odometry, "ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
         self.status.wait_for([states])
@@ -70,7 +74,10 @@ class PredictNode(Node):
         try:
             ball = ball_from_message(message)
             path = rollout(ball, self.physics, self.stop)
-            self.path.publish(path_to_message(thinned(path)))
+            shown = thinned(path)
+            self.path.publish(path_to_message(shown))
+            if self.poses.get_subscription_count():
+                self.poses.publish(path_to_poses(shown))
         except TtError as error:
             self.refused(error)
             return

@@ -17,16 +17,23 @@ class Pace:
     def __init__(self, rtf: float) -> None:
         """Start it; rtf: simulated seconds per real second."""
         self.start, self._real_start, self._rtf = time.time(), time.monotonic(), rtf
+        self._system_start = self.start  # later by as long as the clock has stood still
 
     def follow_system_clock(self) -> None:
         """Bring stamps nearer to the system's clock, which its time service makes faster or slower; only at rtf = 1."""
         if self._rtf == 1.0:
-            drift = time.time() - self.start - (time.monotonic() - self._real_start)
+            drift = time.time() - self._system_start - (time.monotonic() - self._real_start)
             self._real_start -= min(max(drift, -SLEW), SLEW)
 
     def sleep_until(self, moment: float) -> None:
         """Sleep until a simulated time (s), or not at all when it has passed."""
         time.sleep(max(0.0, (moment - self.start) / self._rtf - (time.monotonic() - self._real_start)))
+
+    def stand_still(self, moment: float, duration: float) -> None:
+        """Stay at a simulated time (s) for `duration` (s); from then on this clock is behind the system's."""
+        time.sleep(duration)
+        before, self._real_start = self._real_start, time.monotonic() - (moment - self.start) / self._rtf
+        self._system_start += self._real_start - before
 
     def late(self, moment: float, now: float) -> float:
         """Return by how many real seconds a simulated time (s) has passed at `now` (s, monotonic clock)."""

@@ -24,6 +24,8 @@ from .world.plant import Plant
 from .world_file import WorldParams
 
 PAUSE = 0.25  # s, at least, between two reports about the drives
+HOLD = 0.005  # s between two looks whether simulated time goes on
+ROUNDING = 1e-6  # s; a time of today is known to 2.4e-7
 RECORD = 1.0  # s between two reports about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
 MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
@@ -41,8 +43,8 @@ class Outputs(Protocol):
     def publish_ball(self, ball: BallState) -> None:
         """Take a ball at its launch."""
 
-    def publish_joints(self, joints: Joints) -> None:
-        """Take the measured joints."""
+    def publish_joints(self, joints: Joints, effort: Array) -> None:
+        """Take the measured joints and the torques (7,) N m of their motors."""
 
     def publish_truth(self, tick: Tick) -> None:
         """Take what is true at the end of a tick."""
@@ -92,6 +94,7 @@ class SimLoop:
             outputs: Who takes what the simulator makes.
         """
         self.rate = 0.0
+        self._allowed = np.inf  # s, simulated time at which the loop stands still; may be in the past
         self._params, self._world, self._plant, self._drive, self._launches = params, world, plant, drive, launches
         self._dark, self._outputs = dark if params.always_on else (), outputs
 
@@ -102,13 +105,31 @@ class SimLoop:
         while is_running():
             pace.follow_system_clock()
             tick_due, frame_due = robot.joints.time + tick, frames.due
-            pace.sleep_until(min(tick_due, frame_due))
+            due = min(tick_due, frame_due)
+            if due > self._allowed + ROUNDING:
+                pace.stand_still(due, HOLD)
+                continue
+            pace.sleep_until(due)
             if frame_due <= tick_due:
                 self._publish_frame()
             else:
                 self._tell_time(tick_due)
                 self._launch(tick_due)
                 self._tick(tick_due)
+
+    @property
+    def paused(self) -> bool:
+        """Whether simulated time stands still, but for steps."""
+        return self._allowed < np.inf
+
+    def pause(self, on: bool) -> None:
+        """Let simulated time stand still, or go on. Another thread may call it."""
+        self._allowed = -np.inf if on else np.inf
+
+    def step(self, duration: float) -> float:
+        """Let simulated time go on by `duration` (s) from where it stands still; return where it will stand then, s."""
+        self._allowed = max(self._allowed, self._robot.joints.time) + duration
+        return self._allowed
 
     def _begin(self) -> None:
         params, world, model = self._params, self._world, self._plant.model
@@ -160,9 +181,10 @@ class SimLoop:
         if drive.braking != self._is_braking and now - self._drive_reported >= PAUSE:
             self._is_braking, self._drive_reported = drive.braking, now
             outputs.report_drive(drive.braking)
+        before = robot.joints
         tick = robot.advance(command)
         if not is_late:
-            outputs.publish_joints(self._plant.measured(tick.joints, self._encoder_noise))
+            outputs.publish_joints(self._plant.measured(tick.joints, self._encoder_noise), self._plant.effort(before, tick.joints))
         if self._record.note(tick.joints) or now - self._record_reported > RECORD:
             self._record_reported = now
             outputs.report_record(self._record)

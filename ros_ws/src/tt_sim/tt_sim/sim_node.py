@@ -24,7 +24,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from tt_arm.arm_file import load_arm
 from tt_arm.joints import Joints
 from tt_core.errors import TtError
@@ -123,6 +123,8 @@ class SimNode(Node):
         )
         self.create_timer(LOOK, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
+        self.create_service(SetBool, "sim/pause", self.on_pause)
+        self.create_service(Trigger, "sim/step", self.on_step)
         answer_clock_pings(self)
         warm(plant)
         sys.setswitchinterval(SWITCH)
@@ -142,7 +144,7 @@ class SimNode(Node):
 
     def create_publishers(self) -> None:
         """Create all publishers, and publish the camera infos."""
-        self.status = Status(self)
+        self.status = Status(self, hardware="simulator")
         self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in CAMERAS]
         self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in CAMERAS]
         for publisher, camera, name in zip(self.infos, high_speed_pair(), CAMERAS, strict=True):
@@ -155,7 +157,8 @@ class SimNode(Node):
         self.true_racket = self.create_publisher(Odometry, "sim/racket", TRUTH)
 
     def on_params(self, params: SimParams) -> None:
-        """Launch other shots from now on; what is rendered already comes first."""
+        """Launch other shots from now on, what is rendered already comes first; use another length of a step."""
+        self.params = params
         self.launches.shots = params.all_shots
 
     def on_launcher(self, launcher: LauncherParams) -> None:
@@ -200,6 +203,23 @@ class SimNode(Node):
         threading.Thread(target=self.render, daemon=True).start()
         return response
 
+    def on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Let simulated time stand still or go on, the service sim/pause."""
+        if request.data and not self.get_parameter("use_sim_time").value:
+            response.message = "refused: the nodes follow the system clock, which does not pause; start with use_sim_time:=true"
+            return response
+        self.loop.pause(request.data)
+        response.success, response.message = True, "paused" if request.data else "running"
+        return response
+
+    def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Let the parameter `step` of simulated time pass, the service sim/step."""
+        if not self.loop.paused:
+            response.message = "refused: simulated time does not stand still"
+            return response
+        response.success, response.message = True, f"to {self.loop.step(self.params.step):.6f} s"
+        return response
+
     def render(self) -> None:
         """Render the next launch; without cameras the node ends."""
         try:
@@ -235,9 +255,9 @@ class SimNode(Node):
         """Publish the true ball."""
         self.publish(self.true_ball, ball_to_message, ball)
 
-    def publish_joints(self, joints: Joints) -> None:
-        """Publish the measured joints."""
-        self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot)
+    def publish_joints(self, joints: Joints, effort: Array) -> None:
+        """Publish the measured joints and the torques of their motors."""
+        self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot, effort)
 
     def publish_truth(self, tick: Tick) -> None:
         """Publish ball and racket while a ball flies; a contact becomes two states of one time."""

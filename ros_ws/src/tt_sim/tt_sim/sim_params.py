@@ -25,6 +25,7 @@ class SimParams:
     clock_rate: float = param(250.0, "1/s", "rate of /clock", low=1.0, high=1000.0)
     lead: float = param(0.05, "s", "time from the images of a ball being ready to its launch", low=0.0, high=5.0)
     always_on: bool = param(False, "", "whether the cameras publish frames without a ball too")
+    step: float = param(0.02, "s", "simulated time that passes in a step, the service sim/step", low=0.0005, high=10.0, dynamic=True)
     repeat: int = param(0, "", "number of launches after which the same launches begin again; 0: never", low=0, high=1000000)
 
     def __post_init__(self) -> None:

@@ -101,7 +101,7 @@ class CameraNode(Node):
         if self.source.kind == "bag":
             for side, calibration in calibrations(Path(self.source.path)).items():
                 self.calibrations[side] = calibration
-        self.status = Status(self)
+        self.status = Status(self, hardware=f"{self.source.kind} {self.source.path}")
         self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]
         self.recorded = self.source.kind != "device"
         qos = RECORDED if self.recorded else SENSOR

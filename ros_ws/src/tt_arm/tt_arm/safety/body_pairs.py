@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from tt_core.states import Array
 
-from ..description.geometry import ABOUT, lever
+from ..arm_urdf.geometry import ABOUT, lever
 from ..kinematics import Bodies, place_bodies
 from .clearance import Pairs, Places, between_segments, from_segment, places
 

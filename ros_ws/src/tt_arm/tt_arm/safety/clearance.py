@@ -1,6 +1,6 @@
 """How far the racket and the bodies of the arm stay from the table, the floor and each other, on the way and while braking.
 
-The racket is the circle of its rim, the bodies are the capsules of `description.bodies`. Those that stand still are not compared with table
+The racket is the circle of its rim, the bodies are the capsules of `arm_urdf.bodies`. Those that stand still are not compared with table
 and floor, and neighbours are not compared with each other, see `body_pairs`.
 """
 

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Point, PointStamped, Transform, Twist, Vector3
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist, Vector3
+from nav_msgs.msg import Odometry, Path
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
@@ -220,6 +220,18 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
     states = [BallState.trusted(*row) for row in zip(times.tolist(), positions, velocities, spins, strict=True)]
     bounces = tuple(Bounce(a, b) for a, b in itertools.pairwise(states) if a.time == b.time)
     return BallPath(times, positions, velocities, spins, bounces)
+
+
+def path_to_poses(path: BallPath) -> Path:
+    """Return the positions of a path as a message that viewers draw; unlike `path_to_message` it has neither speeds nor spins."""
+    message = Path()
+    message.header.stamp, message.header.frame_id = stamp(path.times[0]), "table"
+    for time, place in zip(path.times.tolist(), path.positions, strict=True):
+        pose = PoseStamped()
+        pose.header.stamp, pose.header.frame_id = stamp(time), "table"
+        _fill(pose.pose.position, place)
+        message.poses.append(pose)
+    return message
 
 
 def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTrajectory:
@@ -435,7 +447,9 @@ def image_from_message(message: Image) -> np.ndarray:
     return grey_image(message.encoding, message.width, message.height, message.step, message.data, big_endian=message.is_bigendian != 0)
 
 
-def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array, message: JointState | None = None) -> JointState:
+def joints_to_message(
+    names: Sequence[str], time: float, q: Array, qdot: Array, effort: Array | None = None, message: JointState | None = None
+) -> JointState:
     """Return the message of joint states.
 
     Args:
@@ -443,10 +457,13 @@ def joints_to_message(names: Sequence[str], time: float, q: Array, qdot: Array, 
         time: s.
         q: (n,) rad.
         qdot: (n,) rad/s.
+        effort: (n,) N m, or None if it is not known.
         message: The message to fill, which has the names; a new one if None.
     """
     message = message or JointState(name=list(names))
     stamp(time, message.header.stamp)
+    if effort is not None:
+        message.effort = array.array("d", effort.tobytes())
     message.position, message.velocity = array.array("d", q.tobytes()), array.array("d", qdot.tobytes())
     return message
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Sequence
 from enum import Enum
@@ -18,7 +19,9 @@ from .inputs import Input
 from .qos import RELIABLE
 from .terminal import Terminal
 
-PERIOD = 1.0  # s between two reports about the inputs
+PERIOD = 1.0  # s between two reports about the inputs, and between two repetitions of a status (REP-107)
+INPUTS = "inputs"  # part that tells what a node waits for
+REPEATED = "since"  # key of a repeated status: when it was first published, s
 GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
 
 
@@ -59,14 +62,26 @@ class ReceivedStatus(NamedTuple):
 class Status:
     """The diagnostics of one node.
 
+    What is published is repeated once a second, so that a tool which starts later shows it and sees that the node lives. A repeated status
+    has the key REPEATED. That of an event has no other values, so that nobody takes it for a second event.
+
     Attributes:
         terminal: What the node tells in the terminal.
     """
 
-    def __init__(self, node: Node) -> None:
-        self._node, self.terminal = node, Terminal(node)
+    def __init__(self, node: Node, hardware: str = "") -> None:
+        """Begin to repeat; until the node publishes a status, it is "started".
+
+        Args:
+            node: The node.
+            hardware: What the node drives or stands for, the `hardware_id` of every status; empty: the name of this computer.
+        """
+        self._node, self._hardware, self.terminal = node, hardware or socket.gethostname(), Terminal(node)
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        self._last: dict[str, DiagnosticStatus] = {}  # what is repeated, by part
+        self._keep("", self._status("", "started", False, {}))
+        node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(
         self,
@@ -110,23 +125,54 @@ class Status:
             waiting = [one.topic for one in inputs if not one.publishers]
             message = f"waiting for a publisher of {', '.join(waiting)}" if waiting else "ready"
             warn = bool(waiting) and time.monotonic() > warn_from
-            self._send("inputs", message, warn, {one.topic: one.publishers for one in inputs})
+            self._send(INPUTS, message, warn, {one.topic: one.publishers for one in inputs})
 
         self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _send(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
-        status = DiagnosticStatus(
+        status = self._status(part, message, warn, values)
+        self._publish([status])
+        if part != INPUTS:  # these are published once a second anyway
+            self._keep(part, status)
+
+    def _status(self, part: str, message: str, warn: bool, values: dict[str, object]) -> DiagnosticStatus:
+        return DiagnosticStatus(
             level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
             name=f"{self._name}: {part}" if part else self._name,
             message=message,
+            hardware_id=self._hardware,
             values=[KeyValue(key=k, value=str(v)) for k, v in values.items()],
         )
-        array = DiagnosticArray(status=[status])
+
+    def _keep(self, part: str, status: DiagnosticStatus) -> None:
+        """Repeat a status from now on."""
+        since = KeyValue(key=REPEATED, value=f"{self._node.get_clock().now().nanoseconds * 1e-9:.3f}")
+        kept = DiagnosticStatus(level=status.level, name=status.name, message=status.message, hardware_id=status.hardware_id)
+        kept.values = [since] if any(value.key == "event" for value in status.values) else [since, *status.values]
+        self._last[part] = kept
+
+    def _repeat(self) -> None:
+        """Publish the last status of every part again."""
+        self._publish(list(self._last.values()))
+
+    def _publish(self, statuses: list[DiagnosticStatus]) -> None:
+        array = DiagnosticArray(status=statuses)
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
 
 
 def read_status(message: DiagnosticArray) -> list[ReceivedStatus]:
-    """Return all statuses of a message."""
+    """Return all statuses of a message that are not repeated ones."""
+    return [received for received, _ in _read(message)]
+
+
+def read_warnings(message: DiagnosticArray) -> list[ReceivedStatus]:
+    """Return those statuses of a message that are above the level OK and not repeated ones."""
+    return [received for received, level in _read(message) if level != DiagnosticStatus.OK]
+
+
+def _read(message: DiagnosticArray) -> list[tuple[ReceivedStatus, bytes]]:
+    """Return the statuses of a message that are not repeated ones, and the level of each."""
     time = seconds(message.header.stamp)
-    return [ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}) for s in message.status]
+    received = [(ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}), s.level) for s in message.status]
+    return [(status, level) for status, level in received if REPEATED not in status.values]

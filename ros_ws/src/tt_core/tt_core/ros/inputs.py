@@ -42,6 +42,7 @@ class Input:
         largest: int,
         refused: Callable[[TtError], None],
         reliably: QoSProfile | None = None,
+        interval: float = 0.0,
     ) -> None:
         """Subscribe.
 
@@ -54,9 +55,10 @@ class Input:
             largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
             reliably: What is asked for instead of `qos` where all publishers are reliable.
+            interval: s. A message that comes sooner than this after the last one is dropped without being read.
         """
         self._node, self._kind, self._callback, self._wanted, self._reliably = node, kind, callback, qos, reliably
-        self._largest, self._refused = largest, refused
+        self._largest, self._refused, self._interval, self._due = largest, refused, interval, 0.0
         self.topic, self.publishers, self.waited = node.resolve_topic_name(topic), 0, 0.0
         self._asked = qos
         self._subscription = self._subscribe()
@@ -78,6 +80,11 @@ class Input:
         return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
     def _on_data(self, data: bytes, info: dict[str, int]) -> None:
+        if self._interval:
+            now = time.monotonic()
+            if now < self._due:
+                return
+            self._due = now + self._interval
         self.waited = max(0.0, 1e-9 * (time.time_ns() - info["received_timestamp"]))
         try:
             check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)

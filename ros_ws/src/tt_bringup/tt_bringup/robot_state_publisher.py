@@ -1,0 +1,49 @@
+"""Start robot_state_publisher of ROS with the description that arm_node publishes; end at once where it is not installed.
+
+It publishes /tf and /tf_static. It needs the description as a parameter when it starts, while ours is known when the arm node runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+from tt_core.ros.qos import LATCHED
+from tt_core.start import default_signals
+
+PACKAGE = "robot_state_publisher"
+
+
+def wait_for_description() -> str:
+    """Wait for robot_description, and return it."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("wait_for_description", enable_rosout=False, start_parameter_services=False)
+    received: list[String] = []
+    node.create_subscription(String, "robot_description", received.append, LATCHED)
+    while not received:
+        rclpy.spin_once(node, timeout_sec=1.0)
+    node.destroy_node()
+    rclpy.try_shutdown()
+    return str(received[0].data)
+
+
+def main() -> int:
+    """Replace this process by robot_state_publisher; return 0 where there is none."""
+    default_signals()
+    try:
+        program = Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / PACKAGE
+    except PackageNotFoundError:
+        print(f"{PACKAGE} is not installed: nobody publishes /tf", flush=True)
+        return 0
+    description = wait_for_description()
+    with tempfile.NamedTemporaryFile("w", prefix="robot_description_", suffix=".yaml", delete=False) as file:
+        json.dump({"/**": {"ros__parameters": {"robot_description": description}}}, file)  # JSON is YAML
+    arguments = sys.argv[1:] if "--ros-args" in sys.argv else [*sys.argv[1:], "--ros-args"]
+    os.execv(program, [str(program), *arguments, "--params-file", file.name])

@@ -1,0 +1,116 @@
+"""The subscriptions that fill a scene, for every node that shows one."""
+
+from __future__ import annotations
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from tt_arm.description import placed_description
+from tt_arm.model import BASE, MOUNT, URDF
+from tt_core.errors import TtError
+from tt_core.physics import Physics
+from tt_core.ros.convert import (
+    ball_from_message,
+    goal_from_message,
+    joints_from_message,
+    path_from_message,
+    stamp_seconds,
+    strokes_from_message,
+)
+from tt_core.ros.diagnostics import Status
+from tt_core.ros.inputs import Input
+from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
+from tt_core.ros.refusals import Refusals
+
+from .robot_shapes import RobotShapes
+from .scene import Joints, Scene, warm
+
+# bytes of a message at most
+LARGEST_STATE, LARGEST_PATH, LARGEST_STROKES, LARGEST_JOINTS, LARGEST_GOAL, LARGEST_URDF = 4096, 2**19, 2**15, 2**16, 4096, 2**22
+
+
+class SceneInputs:
+    """Keeps a scene up to date.
+
+    Attributes:
+        scene: What is known.
+        refused: Takes the error of every message that cannot be read.
+    """
+
+    def __init__(self, node: Node, physics: Physics, status: Status, interval: float) -> None:
+        """Subscribe. Until robot_description arrives, the arm is the PA10 of tt_arm.
+
+        Args:
+            node: The node that shows the scene.
+            physics: With which paths are predicted.
+            status: Where refused messages are published.
+            interval: s between two joint states that are read.
+        """
+        self._node, self._urdf = node, placed_description(URDF.read_text(), BASE, MOUNT)
+        self.scene = Scene(RobotShapes(self._urdf), physics)
+        self.refused = Refusals(status, "message")
+        warm(physics)
+        refused, trajectory = self.refused, MultiDOFJointTrajectory
+        Input(node, String, "robot_description", self.on_description, LATCHED, largest=LARGEST_URDF, refused=refused)
+        Input(node, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=refused, interval=interval)
+        Input(node, Odometry, "ball/measured", self.on_measured, RELIABLE, largest=LARGEST_STATE, refused=refused)
+        Input(node, trajectory, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=refused)
+        Input(node, trajectory, "racket/strokes", self.on_strokes, LATEST, largest=LARGEST_STROKES, refused=refused)
+        Input(node, trajectory, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=refused)
+
+    def now(self) -> float:
+        """Return the time of the node, s."""
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def on_description(self, message: String) -> None:
+        """Show another arm."""
+        if message.data == self._urdf:
+            return
+        try:
+            self.scene.take_robot(RobotShapes(message.data))
+            self._urdf = message.data
+        except TtError as error:
+            self.refused(error)
+
+    def on_joints(self, message: JointState) -> None:
+        """Move the arm."""
+        names = [name for name in self.scene.robot.speed_limits if name in message.name]
+        try:
+            state = joints_from_message(message, names) if names else None
+            if state is None:
+                return
+            stamp, q, qdot = state
+            speeds = {} if qdot is None else dict(zip(names, qdot.tolist(), strict=True))
+            self.scene.take_joints(stamp, Joints(dict(zip(names, q.tolist(), strict=True)), speeds), self.now())
+        except TtError as error:
+            self.refused(error)
+
+    def on_measured(self, message: Odometry) -> None:
+        """Keep a measured ball."""
+        try:
+            self.scene.take_measured(ball_from_message(message), self.now())
+        except TtError as error:
+            self.refused(error)
+
+    def on_path(self, message: MultiDOFJointTrajectory) -> None:
+        """Show a predicted path."""
+        try:
+            self.scene.take_path(path_from_message(message), self.now())
+        except TtError as error:
+            self.refused(error)
+
+    def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
+        """Show candidate strokes."""
+        try:
+            self.scene.take_strokes(strokes_from_message(message), stamp_seconds(message.header.stamp), self.now())
+        except TtError as error:
+            self.refused(error)
+
+    def on_goal(self, message: MultiDOFJointTrajectory) -> None:
+        """Show the landing that is asked for."""
+        try:
+            self.scene.take_goal(goal_from_message(message))
+        except TtError as error:
+            self.refused(error)
