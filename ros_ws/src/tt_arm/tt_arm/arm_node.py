@@ -137,8 +137,10 @@ class ArmNode(Node):
         self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
-        urdf = Path(params.urdf or str(URDF)).read_text()
-        self.description.publish(String(data=placed_description(urdf, params.base, params.mount)))
+        text = model.description.xml
+        if not params.robot:
+            text = placed_description(Path(params.urdf or str(URDF)).read_text(), params.base, params.mount)
+        self.description.publish(String(data=text))
         self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(

@@ -74,7 +74,7 @@ def _pinocchio(description: Description, base: pin.SE3) -> pin.Model:
     try:
         model = pin.buildModelFromXML(ET.tostring(robot, encoding="unicode"))
     except (ValueError, RuntimeError) as error:
-        raise UrdfError(UrdfFailure.NOT_READABLE, urdf=arm_urdf.urdf, error=error) from error
+        raise UrdfError(UrdfFailure.NOT_READABLE, urdf=description.urdf, error=error) from error
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
     model.jointPlacements[1] = base * model.jointPlacements[1]
     for frame in model.frames:

@@ -142,7 +142,7 @@ def capsules(description: Description) -> dict[str, list[Capsule]]:
     """
     robot = ET.fromstring(description.xml)
     return {
-        str(link.get("name")): [capsule for element in link.findall("collision") for capsule in _around(arm_urdf.urdf, link, element)]
+        str(link.get("name")): [capsule for element in link.findall("collision") for capsule in _around(description.urdf, link, element)]
         for link in robot.findall("link")
     }
 
