@@ -12,6 +12,7 @@ MODELS = {  # what the simulator may use of the packages that it tests: models o
     "tt_vision.camera",
     "tt_vision.projection",
     "tt_vision.rig",
+    "tt_arm.arm_file",
     "tt_arm.joints",
     "tt_arm.kinematics",
     "tt_arm.model",

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from tt_arm.arm_urdf.geometry import BLADE_ALLOWANCE
 from tt_arm.joints import Joints
-from tt_arm.kinematics import collision_radii
-from tt_arm.model import BLADE_ALLOWANCE, ArmModel
+from tt_arm.model import ArmModel
 from tt_arm.reach import reach
 from tt_arm.safety.clearance import OBSTACLES, braking_clearance, clearance, clearances, from_segment, from_table
 from tt_arm.swing import SwingFailure, plan
@@ -15,13 +15,12 @@ from tt_core.constants import FLOOR_Z, RACKET_RADIUS, TABLE_THICKNESS, TABLE_WID
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
-RADII = collision_radii(MODEL.chain)
 postures = arrays(float, 7, elements=st.floats(-1.0, 1.0)).map(lambda x: x * MODEL.position_limits[:, 1])
 
 
-def test_the_radii_are_those_of_the_urdf():
-    assert RADII == (0.08, 0.06, 0.08, 0.10)  # m; the racket's is the blade's half length, 5 mm more than its half width
-    assert RADII.racket == pytest.approx(RACKET_RADIUS + BLADE_ALLOWANCE)
+def test_the_racket_is_as_large_as_a_blade():
+    assert MODEL.bodies.rim == pytest.approx(0.08)  # m, the blade's half length, 5 mm more than its half width
+    assert MODEL.bodies.rim == pytest.approx(RACKET_RADIUS + BLADE_ALLOWANCE)
 
 
 def test_distances_to_the_table_top():
@@ -33,33 +32,31 @@ def test_distances_to_the_table_top():
 
 
 def test_distances_to_a_segment():
-    start, end = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 2.0])
-    assert from_segment(0.3, 0.4, 1.5, start, end) == pytest.approx(0.5)
-    assert from_segment(0.3, 0.4, 1.0, start, end) == pytest.approx(0.5)
-    assert from_segment(0.0, 0.3, 2.4, start, end) == pytest.approx(0.5)
+    starts, ends = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 1.0]])
+    assert from_segment(0.3, 0.4, 1.5, starts, ends, 0) == pytest.approx(0.5)
+    assert from_segment(0.3, 0.4, 1.0, starts, ends, 0) == pytest.approx(0.5)
+    assert from_segment(0.0, 0.3, 2.4, starts, ends, 0) == pytest.approx(0.5)
+    assert from_segment(0.0, 0.3, 1.4, starts, ends, 1) == pytest.approx(0.5)
 
 
 @given(postures)
 def test_it_bounds_the_distance_of_the_face(q):
     face, _ = MODEL.racket(q)
-    table, floor, itself = clearances(q, MODEL.chain)
-    assert -RADII.forearm <= table <= from_table(*face) + RADII.racket
-    assert floor <= face[2] - FLOOR_Z + RADII.racket
-    base = np.array(MODEL.chain.base_position)
-    assert (
-        itself
-        <= from_segment(*face, np.array([*base[:2], FLOOR_Z]), base + [0.0, 0.0, MODEL.chain.lengths[0]]) - RADII.pedestal + RADII.racket
-    )
-    least, what = clearance(q, MODEL.chain)
+    table, floor, itself = clearances(q, MODEL.bodies)
+    assert table <= from_table(*face) + MODEL.bodies.rim
+    assert floor <= face[2] - FLOOR_Z + MODEL.bodies.rim
+    pedestal = np.array([[-0.8, 0.7625, FLOOR_Z + 0.1]]), np.array([[-0.8, 0.7625, 0.0]])  # m, within the capsule of the URDF's base
+    assert itself <= from_segment(*face, *pedestal, 0) - 0.1 + MODEL.bodies.rim
+    least, what = clearance(q, MODEL.bodies)
     assert least == min(table, floor, itself) == (table, floor, itself)[what]
 
 
 @given(postures)
 def test_a_mirror_image_is_as_clear(q):
     """About the table's middle, where the base stands: z joints turn the other way."""
-    assert MODEL.chain.base_position[1] == pytest.approx(TABLE_WIDTH / 2)
+    assert MODEL.base.translation[1] == pytest.approx(TABLE_WIDTH / 2)
     mirrored = q * [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
-    assert clearances(mirrored, MODEL.chain) == pytest.approx(clearances(q, MODEL.chain), abs=1e-9)
+    assert clearances(mirrored, MODEL.bodies) == pytest.approx(clearances(q, MODEL.bodies), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +70,7 @@ def test_a_mirror_image_is_as_clear(q):
 )
 def test_touches_are_known_by_what_is_touched(degrees, obstacle, base_z):
     model = ArmModel.pa10(base=(-0.8, 0.7625, base_z, 0.0))
-    least, what = clearance(np.radians(degrees), model.chain)
+    least, what = clearance(np.radians(degrees), model.bodies)
     assert least < 0.0
     assert OBSTACLES[what] == obstacle
 
@@ -82,7 +79,7 @@ def test_touches_are_known_by_what_is_touched(degrees, obstacle, base_z):
 def test_braking_ends_where_constant_deceleration_does(q, share):
     speeds = share * MODEL.speed_limits
     end = q + 0.5 * speeds * np.abs(speeds) / 20.0
-    assert braking_clearance(q, speeds, np.full(7, 20.0), 0.0, MODEL.chain)[0] <= clearance(end, MODEL.chain)[0] + 1e-9
+    assert braking_clearance(q, speeds, np.full(7, 20.0), 0.0, MODEL.bodies)[0] <= clearance(end, MODEL.bodies)[0] + 1e-9
 
 
 def test_a_strike_in_the_table_is_refused():

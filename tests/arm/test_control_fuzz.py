@@ -41,7 +41,7 @@ class FaultyArm(RuleBasedStateMachine):
             self.joints = self.plant.advance(self.joints, followed, TICK)
             self.time += TICK
             assert np.all(self.joints.q > MODEL.position_limits[:, 0]) and np.all(self.joints.q < MODEL.position_limits[:, 1])
-            assert clearance(self.joints.q, MODEL.chain)[0] > 0.0
+            assert clearance(self.joints.q, MODEL.bodies)[0] > 0.0
 
     def send(self, step):
         assert np.isfinite(step.command).all()

@@ -47,7 +47,7 @@ def test_the_arm_touches_nothing_whatever_comes_late(seed):
         joints = plant.advance(joints, drive.command(now, TICK, joints.qdot, drive.params.command_timeout), TICK)
         moved = max(moved, np.abs(joints.q - MODEL.waiting).max())
         room = min(room, (joints.q - MODEL.position_limits[:, 0]).min(), (MODEL.position_limits[:, 1] - joints.q).min())
-        clear = min(clear, clearance(joints.q, MODEL.chain)[0])
+        clear = min(clear, clearance(joints.q, MODEL.bodies)[0])
     assert moved > 0.1  # rad: it plays
     assert room > 0.0 and clear > 0.0  # 0.028 rad and 13 mm at least in 200 runs of 6 s
     assert control.guard.latched is None

@@ -121,7 +121,7 @@ def test_it_stops_before_it_touches(degrees, obstacle, base_z):
     since = state.time
     while np.abs(state.qdot).max() > 1e-3:
         state = plant.advance(state, guard.stop(state.time), TICK)
-    assert clearance(state.q, model.chain)[0] > 0.0
+    assert clearance(state.q, model.bodies)[0] > 0.0
     assert state.time - since < 0.40  # s; 2 pi rad/s at 20 rad/s^2 take 0.31
     back = 0.3 * (np.radians(degrees) - state.q) / np.abs(np.radians(degrees) - state.q).max()
     for k in range(20):  # and it may go back
@@ -193,7 +193,7 @@ def test_bad_values_name_themselves():
 def test_a_command_whose_holding_would_end_in_the_table_does_not_leave():
     """Braking from it at once would not even come near the table."""
     guard, command = Guard(MODEL), np.array([0.86, -0.35, -0.72, -1.88, 2.52, -4.93, -5.67])  # rad/s, from the waiting posture on
-    assert braking_clearance(MODEL.waiting, command, guard.braking, guard.hold, MODEL.chain)[0] == 0.0  # within the table
-    assert braking_clearance(MODEL.waiting, command, guard.braking, 0.0, MODEL.chain)[0] > 0.1  # m
+    assert braking_clearance(MODEL.waiting, command, guard.braking, guard.hold, MODEL.bodies)[0] == 0.0  # within the table
+    assert braking_clearance(MODEL.waiting, command, guard.braking, 0.0, MODEL.bodies)[0] > 0.1  # m
     guard.begin_from(command)
     assert guard.check(at(0.0), command, 0.0)[1].code is ArmStop.NEAR

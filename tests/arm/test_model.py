@@ -8,7 +8,8 @@ from arm.dissertation_strokes import REFERENCE_WAITING
 from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tt_arm.kinematics import forward, inverse
+from tt_arm.ik.closed_form import inverse
+from tt_arm.kinematics import forward
 from tt_arm.model import ArmModel
 from tt_core.errors import BadShape, NotFinite
 
@@ -24,7 +25,7 @@ def rotation(axis, angle):
 def test_the_facts():
     assert np.degrees(MODEL.position_limits) == pytest.approx(np.outer([177, 94, 174, 137, 255, 165, 255], [-1, 1]))
     assert MODEL.speed_limits == pytest.approx([1, 1, 2, 2, 2 * np.pi, 2 * np.pi, 2 * np.pi])
-    assert MODEL.chain.lengths == pytest.approx([0.315, 0.450, 0.500, 0.080])
+    assert MODEL.closed_form.lengths == pytest.approx([0.315, 0.450, 0.500, 0.080])
     position, turned = MODEL.racket(np.array(REFERENCE_WAITING))
     assert position == pytest.approx([-0.375, 0.660, 0.099], abs=1e-3)  # printed to 1 mm
     assert turned[:, 2] == pytest.approx([0.83, 0.55, 0.01], abs=5e-3)  # printed to 0.01
@@ -55,7 +56,7 @@ def test_the_kernel_is_pinocchio(q):
 @given(postures)
 def test_the_chain_is_appendix_b(q):
     """With the racket at the flange itself."""
-    flange, lengths = ArmModel.pa10(base=(0, 0, 0, 0), mount=(0, 0)), MODEL.chain.lengths
+    flange, lengths = ArmModel.pa10(base=(0, 0, 0, 0), mount=(0, 0)), MODEL.closed_form.lengths
     position, turned = flange.racket(q)
     printed = appendix_b.pose(q, lengths)
     assert position == pytest.approx(printed[:3, 3], abs=1e-12)
@@ -80,7 +81,7 @@ def test_the_jacobian_is_the_derivative(q):
 def test_the_inverse_returns_to_the_pose(q, swivel):
     position, turned, _ = forward(q, MODEL.chain)
     found = np.empty(7)
-    assert inverse(position, turned, swivel, MODEL.chain, found)
+    assert inverse(position, turned, swivel, MODEL.closed_form, found)
     again, turned_again, _ = forward(found, MODEL.chain)
     assert again == pytest.approx(position, abs=1e-9)  # near the stretched elbow 1e-16 grows to its square root, times the last links
     assert turned_again == pytest.approx(turned, abs=1e-9)

@@ -39,7 +39,7 @@ def test_an_arm_that_is_too_far_tells_how_far():
         check_feasible(ArmModel.pa10(base=(-2.0, 0.7625, -0.06, 0.0)), SwingLimits())
     values = told.value.failure.values
     assert values["reason"].code is ReachFailure.OUT_OF_REACH
-    assert values["far"] == pytest.approx(1.98, abs=0.01)
+    assert values["far"] == pytest.approx(2.03, abs=0.01)  # m from the base to the furthest of the typical strokes
     assert values["far"] > values["length"]
 
 
@@ -47,11 +47,9 @@ def test_an_arm_that_is_too_far_tells_how_far():
     ("old", "new", "code", "values"),
     [
         ("<robot", "<nonsense", UrdfFailure.NOT_READABLE, {}),
-        ('name="w2" type="revolute"', 'name="w2" type="fixed"', UrdfFailure.WRONG_JOINTS, {"count": 6}),
-        ('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', UrdfFailure.WRONG_AXIS, {"joint": "s2", "kind": "RX", "axis": "y"}),
+        ('type="revolute"', 'type="fixed"', UrdfFailure.WRONG_COUNT, {"count": 0}),
         ('velocity="2"', 'velocity="0"', UrdfFailure.WRONG_LIMITS, {"joint": "s3", "speed": 0.0, "unit": "rad"}),
-        ('xyz="0 0 0.315"', 'xyz="0 0.1 0.315"', UrdfFailure.WRONG_PLACE, {"joint": "s2"}),
-        ('<cylinder radius="0.055" length="0.36"/>', '<box size="1 1 1"/>', UrdfFailure.NO_COLLISION_RADIUS, {"link": "link_e2"}),
+        ('<cylinder radius="0.055" length="0.36"/>', "<cone/>", UrdfFailure.NO_SHAPE, {"link": "link_e2"}),
     ],
 )
 def test_a_bad_urdf_is_told(tmp_path, old, new, code, values):

@@ -187,4 +187,4 @@ def test_bad_values_name_themselves():
     assert (told.value.name, told.value.value) == ("profile", "cubic")
     with pytest.raises(BadShape) as told:
         Joints(0.0, np.zeros(6), np.zeros(7))
-    assert (told.value.name, told.value.shape) == ("q", (6,))
+    assert (told.value.name, told.value.shape, told.value.wanted) == ("qdot", (7,), (6,))

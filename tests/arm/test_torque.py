@@ -17,6 +17,6 @@ numbers = arrays(float, 7, elements=st.floats(-3.0, 3.0))
 @given(numbers, numbers, numbers)
 def test_torques_are_those_of_pinocchio(model, q, qdot, qddot):
     found = np.empty(7)
-    joint_torques(q, qdot, qddot, model.links, found, np.empty((7, 6)))
+    joint_torques(q, qdot, qddot, model.chain, model.links, found, np.empty((7, 6)))
     wanted = pin.rnea(model.pinocchio, model.pinocchio.createData(), q, qdot, qddot)
     assert found == pytest.approx(wanted, abs=1e-10)  # N m, of some 100

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import linprog
+from tt_arm.ik.closed_form import inverse
 from tt_arm.ik.velocity_allocation import NoJointSpeeds, allocate, least_shares, least_shares_steady, steady_rows
-from tt_arm.kinematics import inverse
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach
 
@@ -100,7 +100,26 @@ def test_the_best_posture_needs_what_the_table_says():
             c, s = np.cos(turn), np.sin(turn)
             turned = racket.rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
             for swivel in np.arange(0.0, 2 * np.pi, np.pi / 18):
-                found = inverse(racket.position.copy(), turned, swivel, MODEL.chain, q)
+                found = inverse(racket.position.copy(), turned, swivel, MODEL.closed_form, q)
                 if found and np.all(np.abs(q[[1, 3, 5]]) < MODEL.position_limits[[1, 3, 5], 1]):
                     best = min(best, least_shares(rows_at(q)[:3].copy(), racket.velocity.copy(), shares))
         assert table[name] - 0.01 < best < table[name] + 0.02, name
+
+
+@pytest.mark.parametrize("n", [5, 6, 7, 8])
+def test_any_number_of_joints_has_the_least_shares_of_a_linear_programme(n):
+    rng = np.random.default_rng(n)
+    for _ in range(100):
+        rows, wanted, shares = rng.normal(0.0, 1.0, (5, n)), rng.normal(0.0, 1.0, 5), np.empty(n)
+        rows[:, rng.integers(n)] *= rng.integers(2)  # now and then a joint that does nothing
+        for part, found in ((rows[:3], least_shares(rows, wanted, shares)), (rows, None)):
+            found = least_shares_steady(rows, wanted, shares) if found is None else found
+            above = np.vstack([np.hstack([sign * np.eye(n), -np.ones((n, 1))]) for sign in (1, -1)])
+            equal = np.hstack([part, np.zeros((len(part), 1))])
+            best = linprog(np.eye(n + 1)[n], above, np.zeros(2 * n), equal, wanted[: len(part)], [(None, None)] * n + [(0, None)])
+            if not best.success:  # five joints of which one does nothing
+                assert np.isinf(found)
+                continue
+            assert found == pytest.approx(best.fun, rel=1e-7)
+            assert np.abs(shares).max() == pytest.approx(found, rel=1e-7)
+            assert part @ shares == pytest.approx(wanted[: len(part)], abs=1e-7)

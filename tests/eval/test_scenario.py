@@ -1,12 +1,15 @@
 """Scenarios are read strictly: what is there can be played, what is wrong is told by its path in the file."""
 
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
 import yaml
+from arm.own_urdfs import EIGHT
 from tt_core.errors import BadChoice, BadShape, NotFinite, OutOfRange, TtError
 from tt_core.physics import Physics
 from tt_core.strict_yaml import BadFile, MissingKey, UnknownKey, Unreadable, WrongType, names
+from tt_eval.episode import play
 from tt_eval.scenario import HOME, Scenario, load
 from tt_sim.cameras.camera_faults import CameraFaults
 from tt_sim.cameras.tracking_cameras import TrackingCameraFaults
@@ -158,3 +161,14 @@ def test_all_kinds_and_scales_are_played_equally_often():
     scenario = Scenario(scale=(3, 5))
     shots = [scenario.shot(seed) for seed in range(16)]
     assert {shot: shots.count(shot) for shot in shots} == {(kind, scale): 2 for kind in KINDS for scale in (3, 5)}
+
+
+def test_a_scenario_may_be_played_by_another_arm(tmp_path):
+    (tmp_path / "arm.urdf").write_text(EIGHT)
+    (tmp_path / "eight.yaml").write_text("urdf: arm.urdf\ntip: flange\nbase: [-0.6, 0.76, -0.1, 0.0]\nmount: [0.15, 1.5708]\n")
+    (tmp_path / "with_eight.yaml").write_text("arm: eight.yaml\nimages: false\n")
+    scenario = load(str(tmp_path / "with_eight.yaml"))
+    assert Path(scenario.arm) == tmp_path / "eight.yaml"
+    episode = play(scenario, 0)
+    assert episode.joints.shape[1] == 1 + 2 * 8
+    assert load("liu").arm == "pa10"

@@ -93,7 +93,7 @@ def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, un
         "compression:=zstd",
     ]
     recorder = start("tt_tools.record_node", "--ros-args", *(word for option in options for word in ("-p", option)))
-    names = ("parameters/probe.yaml", "revision.txt", "robot_description.urdf")
+    names = ("parameters/probe.yaml", "revision.txt", "robot_arm_urdf.urdf")
     until(lambda: outputs[0].get_subscription_count() and outputs[2].get_subscription_count(), probe)
     until(lambda: all(name.encode() in (bag / "bag.mcap").read_bytes() for name in names) or outputs[0].publish(Point()), probe)
     recorder.send_signal(signal.SIGINT)
@@ -104,7 +104,7 @@ def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, un
     with (bag / "bag.mcap").open("rb") as stream:
         texts = {attachment.name: attachment.data.decode() for attachment in make_reader(stream).iter_attachments()}
     assert yaml.safe_load(texts["parameters/probe.yaml"])["/probe"]["ros__parameters"]["speed"] == {"scale": 0.5}
-    assert texts["robot_description.urdf"] == "<robot/>" and texts["revision.txt"].strip()
+    assert texts["robot_arm_urdf.urdf"] == "<robot/>" and texts["revision.txt"].strip()
     assert (bag / "bag.mcap").read_bytes().count(b"zstd") > 1
 
 

@@ -31,7 +31,7 @@ def test_it_keeps_the_worst(rows):
     assert record.acceleration[0] == pytest.approx(steps, rel=1e-9)
     everywhere = np.vstack([MODEL.waiting, q])
     assert record.limit_distance[0] == pytest.approx(np.minimum(everywhere - LOW, HIGH - everywhere).min())
-    assert record.clearance[0] == pytest.approx(min(clearance(each, MODEL.chain)[0] for each in everywhere))
+    assert record.clearance[0] == pytest.approx(min(clearance(each, MODEL.bodies)[0] for each in everywhere))
     assert record.hits == 0
 
 
@@ -52,8 +52,8 @@ def test_a_speed_above_its_limit_is_told_at_the_limit_is_not():
 
 def test_a_touch_is_told_with_what_was_touched():
     record, postures = ArmRecord(MODEL, state(0)), np.random.default_rng(0).uniform(0.99 * LOW, 0.99 * HIGH, (1000, 7))
-    folded = next(q for q in postures if clearance(q, MODEL.chain)[0] <= 0.0)
-    left, _ = clearance(folded, MODEL.chain)
+    folded = next(q for q in postures if clearance(q, MODEL.bodies)[0] <= 0.0)
+    left, _ = clearance(folded, MODEL.bodies)
     assert record.note(state(1, folded)) and record.clearance[0] == left
     told = record.to_text()
     assert float(told["clearance"]) == pytest.approx(left) and told["nearest"] == record.nearest

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
-from tt_core.errors import TtError
+from tt_core.errors import BadShape, TtError
 from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.ros.clock_offset import ClockMonitor
@@ -34,6 +34,7 @@ from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 
+from .arm_file import load_arm
 from .control import ArmControl, ControlParams, ControlStep, warm
 from .description import placed_description
 from .joints import Joints
@@ -73,12 +74,13 @@ class ArmLine(Enum):
 class ArmParams:
     """The arm, and what it may do."""
 
-    base: tuple[float, ...] = param(BASE, "m, rad", "x, y, z and yaw of the arm's base_link in `table`")
+    robot: str = param("", "", "path of an arm file, see docs/arms.md; empty: the PA10 by `base`, `mount`, `waiting` and `urdf`")
+    base: tuple[float, ...] = param(BASE, "m, rad", "x, y, z and yaw of the PA10's base_link in `table`")
     mount: tuple[float, ...] = param(
-        MOUNT, "m, rad", "distance of the racket beyond the flange, and its angle about the y axis of the flange"
+        MOUNT, "m, rad", "distance of the PA10's racket beyond the flange, and its angle about the y axis of the flange"
     )
-    waiting: tuple[float, ...] = param(WAITING, "rad", "joint angles at which the arm waits for a ball")
-    urdf: str = param("", "", "path of the description of the arm; empty: that of the PA10 in this package")
+    waiting: tuple[float, ...] = param(WAITING, "rad", "joint angles at which the PA10 waits for a ball")
+    urdf: str = param("", "", "path of another description of the PA10; empty: that in this package")
     joints: tuple[str, ...] = param(
         (), "", "names of the joints in joint states, in the order of the commands; empty: the names of the URDF"
     )
@@ -101,9 +103,14 @@ class ArmNode(Node):
         """Declare the parameters, check the arm, load the kernels, and connect."""
         super().__init__("arm")
         params = declare(self, ArmParams, changed=self.on_params)
-        model = ArmModel.pa10(params.base, params.mount, params.waiting, params.urdf or str(URDF))
+        if params.robot:
+            model = load_arm(params.robot)
+        else:
+            model = ArmModel.pa10(params.base, params.mount, params.waiting, params.urdf or str(URDF))
         guard = declare(self, GuardParams, "guard.")
         self.joints = params.joints or model.names
+        if len(self.joints) != len(model.names):
+            raise BadShape("joints", (len(self.joints),), (len(model.names),))
         self.rtf = params.rtf
         self.about = f"robot {Path(params.urdf or str(URDF)).stem} with {len(self.joints)} joints"
         self.control = ArmControl(
@@ -130,8 +137,10 @@ class ArmNode(Node):
         self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
-        urdf = Path(params.urdf or str(URDF)).read_text()
-        self.description.publish(String(data=placed_description(urdf, params.base, params.mount)))
+        text = model.description.xml
+        if not params.robot:
+            text = placed_description(Path(params.urdf or str(URDF)).read_text(), params.base, params.mount)
+        self.description.publish(String(data=text))
         self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(

@@ -17,6 +17,7 @@ from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array, RacketState
 
+from . import dissertation
 from .joints import Joints
 from .model import ArmModel
 from .reach import Reach, ReachParams, reach
@@ -26,6 +27,8 @@ from .safety.stops import ArmStop
 from .servo import ServoParams, follow
 from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_stroke, stroke_distance
 from .swing import Swing, SwingLimits, plan
+from .trajectory.legs import make_leg
+from .trajectory.path import Path
 
 AT_REST = 0.02  # rad/s, below which a stop is over
 AT_WAITING = 0.02  # rad, from the waiting posture, within which the first motion after enabling is over
@@ -97,7 +100,7 @@ class ControlStep:
     """What follows from one joint state.
 
     Attributes:
-        command: (7,) rad/s.
+        command: (n,) rad/s.
         reason: Why it is not what the swing wants, or None.
         begun: The swing that begins with this command, or None.
         interrupted: Whether a stroke was given up because of a gap; its strokes may be taken again.
@@ -305,7 +308,7 @@ class ArmControl:
             now: s, monotonic.
 
         Returns:
-            The next command (7,) rad/s of a stop, or zero if not even that can be computed.
+            The next command (n,) rad/s of a stop, or zero if not even that can be computed.
         """
         failure = Failure(ArmStop.INTERNAL, error=f"{type(error).__name__}: {error}")
         self._forget()
@@ -422,15 +425,21 @@ def warm(model: ArmModel) -> None:
     """Compile every kernel of the arm, or load it from the cache, so that none is compiled while a ball flies."""
     control = ArmControl(model)
     control.enable(True)
-    joints = Joints(0.0, model.waiting, np.zeros(7))
+    joints = Joints.at_rest(0.0, model.waiting)
     control.step(joints)
-    racket = RacketState(0.5, np.array([-0.15, 0.70, 0.25]), np.array([1.48, 0.095, 1.41]), -0.011, 0.792)  # Table 4.3 case 1
+    middle = model.position_limits.mean(axis=1)
+    near = model.waiting + np.clip(0.2 * (middle - model.waiting), -0.1, 0.1)  # rad or m
+    position, rotation = model.racket(near)
+    velocity = model.jacobian(near)[:3] @ (0.1 * model.speed_limits)
+    racket = RacketState.facing(0.5, position, velocity, rotation[:, 2])
     control.take([racket])
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
-    control.step(Joints(0.002, model.waiting, np.zeros(7)))
+    control.step(Joints.at_rest(0.002, model.waiting))
     for time in (0.004, 0.006):  # kernels that only a moving arm needs
-        control.guard.check(Joints(time, joints.q, joints.qdot), np.full(7, 0.01), time)
-    for method in ("near", "liu"):
+        control.guard.check(Joints(time, joints.q, joints.qdot), np.full(len(joints.q), 0.01), time)
+    for method in ("near", "liu") if len(model.names) == dissertation.JOINTS else ("near",):
         reach(model, racket, model.waiting, method=method)
+    rest = np.zeros(len(model.names))
+    Path(control.limits.of_joints(model).bounds, "auto").is_possible(1.0, make_leg(model.waiting, rest, rest, near, rest))
     for profile in ("quintic", "trapezoid", "polyline"):
         plan(model, joints, None, 0.0, SwingLimits(profile=profile))

@@ -11,6 +11,7 @@ from tt_core.states import Array, RacketState
 from .ik.newton import newton
 from .model import ArmModel
 
+JOINTS = 7  # of the arm that it is for
 WEIGHTS = np.array([1.0, 0.6, 2.0, 2.0, 2.0 * np.pi, 2.0 * np.pi])  # the diagonal of W^-1, (4.65)
 
 

@@ -9,21 +9,21 @@ from numba import njit
 from tt_core.constants import GRAVITY
 from tt_core.states import Array
 
+from .kinematics import Chain
+
 Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]  # symmetric: xx, xy, yy, xz, yz, zz
 
 
 class Links(NamedTuple):
-    """The rigid bodies that the joints move, one row for each, in the frame of its link.
+    """The rigid bodies that the joints move, one row for each, in the frame of its joint.
 
     Attributes:
-        offset: (7,) m, height of the link's joint above the joint before it.
-        mass: (7,) kg.
-        centre: (7, 3) m, centre of mass.
-        inertia: (7, 6) kg m^2 about the centre of mass: xx, xy, yy, xz, yz, zz.
+        mass: (n,) kg.
+        centre: (n, 3) m, centre of mass.
+        inertia: (n, 6) kg m^2 about the centre of mass: xx, xy, yy, xz, yz, zz.
     """
 
-    offset: Array
     mass: Array
     centre: Array
     inertia: Array
@@ -47,34 +47,64 @@ def _times(tensor: Tensor, v: Vector) -> Vector:
 
 
 @njit(cache=True)
-def _rotated(v: Vector, about_y: int, c: float, s: float) -> Vector:
-    """Return v turned about z, or about y, by the angle with cosine c and sine s."""
-    return (c * v[0] + s * v[2], v[1], c * v[2] - s * v[0]) if about_y else (c * v[0] - s * v[1], s * v[0] + c * v[1], v[2])
+def _inwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
+    """Return a vector of the frame of joint i in the frame of the joint before; the joint is turned by the angle with cosine c, sine s."""
+    r = chain.rotations
+    x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
+    return (
+        r[i, 0, 0] * x + r[i, 0, 1] * y + r[i, 0, 2] * z,
+        r[i, 1, 0] * x + r[i, 1, 1] * y + r[i, 1, 2] * z,
+        r[i, 2, 0] * x + r[i, 2, 1] * y + r[i, 2, 2] * z,
+    )
 
 
 @njit(cache=True)
-def joint_torques(q: Array, qdot: Array, qddot: Array, links: Links, torque: Array, wrenches: Array) -> None:
-    """Fill the torques that a motion needs.
+def _outwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
+    """Return a vector of the frame of the joint before in the frame of joint i; the inverse of `_inwards`."""
+    r = chain.rotations
+    x = r[i, 0, 0] * v[0] + r[i, 1, 0] * v[1] + r[i, 2, 0] * v[2]
+    y = r[i, 0, 1] * v[0] + r[i, 1, 1] * v[1] + r[i, 2, 1] * v[2]
+    z = r[i, 0, 2] * v[0] + r[i, 1, 2] * v[1] + r[i, 2, 2] * v[2]
+    return c * x + s * y, c * y - s * x, z
+
+
+@njit(cache=True)
+def _arm(i: int, q: float, chain: Chain) -> Vector:
+    """Return the origin (m) of the frame of joint i in the frame of the joint before."""
+    r, p = chain.rotations, chain.positions
+    along = q if chain.linear[i] else 0.0
+    return p[i, 0] + along * r[i, 0, 2], p[i, 1] + along * r[i, 1, 2], p[i, 2] + along * r[i, 2, 2]
+
+
+@njit(cache=True)
+def joint_torques(q: Array, qdot: Array, qddot: Array, chain: Chain, links: Links, torque: Array, wrenches: Array) -> None:
+    """Fill the torques, or forces of linear joints, that a motion needs.
 
     Outwards along the arm the acceleration of each link gives the wrench on it; inwards these add up. Gravity is an acceleration of the
-    base. Each link's vectors are in its own frame, in which the joint's axis is z or y.
+    table. Each link's vectors are in the frame of its joint, whose axis is z.
 
     Args:
-        q: (7,) rad.
-        qdot: (7,) rad/s.
-        qddot: (7,) rad/s^2.
+        q: (n,) rad or m.
+        qdot: (n,) rad/s or m/s.
+        qddot: (n,) rad/s^2 or m/s^2.
+        chain: The geometry.
         links: The bodies.
-        torque: (7,) N m; filled.
-        wrenches: (7, 6) working memory: force and moment on each link.
+        torque: (n,) N m or N; filled.
+        wrenches: (n, 6) working memory: force and moment on each link.
     """
+    n = len(q)
     omega, alpha, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY)  # rad/s, rad/s^2, m/s^2 at the joint
-    for i in range(7):
-        c, s, about_y, arm = math.cos(q[i]), math.sin(q[i]), i % 2, (0.0, 0.0, links.offset[i])
-        acceleration = _rotated(_sum(acceleration, _sum(_cross(alpha, arm), _cross(omega, _cross(omega, arm)))), about_y, c, -s)
-        omega, alpha = _rotated(omega, about_y, c, -s), _rotated(alpha, about_y, c, -s)
-        own_omega, own_alpha = ((0.0, qdot[i], 0.0), (0.0, qddot[i], 0.0)) if about_y else ((0.0, 0.0, qdot[i]), (0.0, 0.0, qddot[i]))
-        alpha = _sum(alpha, _sum(_cross(omega, own_omega), own_alpha))
-        omega = _sum(omega, own_omega)
+    for i in range(n):
+        linear, arm = chain.linear[i], _arm(i, q[i], chain)
+        c, s = (1.0, 0.0) if linear else (math.cos(q[i]), math.sin(q[i]))
+        acceleration = _outwards(_sum(acceleration, _sum(_cross(alpha, arm), _cross(omega, _cross(omega, arm)))), i, c, s, chain)
+        omega, alpha = _outwards(omega, i, c, s, chain), _outwards(alpha, i, c, s, chain)
+        if linear:
+            x, y, _ = _cross(omega, (0.0, 0.0, qdot[i]))  # half of the Coriolis acceleration
+            acceleration = _sum(acceleration, (2.0 * x, 2.0 * y, qddot[i]))
+        else:
+            alpha = _sum(alpha, _sum(_cross(omega, (0.0, 0.0, qdot[i])), (0.0, 0.0, qddot[i])))
+            omega = _sum(omega, (0.0, 0.0, qdot[i]))
         mass, centre = links.mass[i], (links.centre[i, 0], links.centre[i, 1], links.centre[i, 2])
         x, y, z = _sum(acceleration, _sum(_cross(alpha, centre), _cross(omega, _cross(omega, centre))))
         force = mass * x, mass * y, mass * z
@@ -85,10 +115,11 @@ def joint_torques(q: Array, qdot: Array, qddot: Array, links: Links, torque: Arr
         for k in range(3):
             wrenches[i, k], wrenches[i, 3 + k] = force[k], moment[k]
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # of the links beyond
-    for i in range(6, -1, -1):
+    for i in range(n - 1, -1, -1):
         force = _sum(force, (wrenches[i, 0], wrenches[i, 1], wrenches[i, 2]))
         moment = _sum(moment, (wrenches[i, 3], wrenches[i, 4], wrenches[i, 5]))
-        torque[i] = moment[1] if i % 2 else moment[2]
-        c, s = math.cos(q[i]), math.sin(q[i])
-        force, moment = _rotated(force, i % 2, c, s), _rotated(moment, i % 2, c, s)
-        moment = _sum(moment, _cross((0.0, 0.0, links.offset[i]), force))
+        linear = chain.linear[i]
+        torque[i] = force[2] if linear else moment[2]
+        c, s = (1.0, 0.0) if linear else (math.cos(q[i]), math.sin(q[i]))
+        force, moment = _inwards(force, i, c, s, chain), _inwards(moment, i, c, s, chain)
+        moment = _sum(moment, _cross(_arm(i, q[i], chain), force))

@@ -11,8 +11,9 @@ import numpy.typing as npt
 from tt_core.errors import BadShape, check_array, check_range
 from tt_core.states import Array
 
-ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint; needs 0.76 of the rated torque at most (assumed inertias), our choice
-JERK = 4000.0  # rad/s^3 or m/s^3 of each joint; our choice: 5 ms from rest to the full acceleration
+ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint in swings; the PA10 then needs 0.76 of its rated torque at most (assumed inertias)
+JERK = 4000.0  # rad/s^3 or m/s^3 of each joint in swings; our choice: 5 ms from rest to the full acceleration
+NO_ACCELERATION_LIMIT, NO_JERK_LIMIT = 1e4, 1e7  # rad or m, s; limits of a joint whose description states none
 COMMAND_TIMEOUT = 0.1  # s for which the drives hold a command, as in the drives of real arms
 HOLD_RESERVE = 0.04  # s more for which a command may act: its transport, and a process that is held up twice; our choice, costs no stroke
 
@@ -23,21 +24,30 @@ class Joints:
 
     Attributes:
         time: s.
-        q: (7,) rad.
-        qdot: (7,) rad/s.
-        qddot: (7,) rad/s^2; zero where it is not known.
+        q: (n,) rad, or m for a linear joint.
+        qdot: (n,) rad/s or m/s.
+        qddot: (n,) rad/s^2 or m/s^2; zero where it is not given.
     """
 
     time: float
     q: Array
     qdot: Array
-    qddot: Array = field(default_factory=lambda: np.zeros(7))
+    qddot: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Copy the arrays; raise BadShape or NotFinite."""
         object.__setattr__(self, "time", check_range("time", self.time, -math.inf, math.inf))
-        for name in ("q", "qdot", "qddot"):
-            object.__setattr__(self, name, check_array(name, getattr(self, name), (7,)))
+        object.__setattr__(self, "q", check_array("q", self.q, (-1,)))
+        n = len(self.q)
+        if np.size(self.qddot) == 0:
+            object.__setattr__(self, "qddot", np.zeros(n))
+        for name in ("qdot", "qddot"):
+            object.__setattr__(self, name, check_array(name, getattr(self, name), (n,)))
+
+    @classmethod
+    def at_rest(cls, time: float, q: Array) -> Joints:
+        """Return joints at rest at q (n,) rad or m at `time` (s)."""
+        return cls(time, q, np.zeros(np.shape(q)))
 
 
 JointBounds = npt.NDArray[np.void]  # (n,) of JOINT_BOUNDS, a row for each joint
@@ -63,8 +73,8 @@ class JointLimits:
         units: Of each joint's position, "rad" for a revolute and "m" for a linear joint. All other units follow from it.
         position: (n, 2) lowest and highest position, rad or m.
         speed: (n,) rad/s or m/s, both ways.
-        acceleration: (n,) rad/s^2 or m/s^2, both ways. A URDF has none, so this one is a parameter.
-        jerk: (n,) rad/s^3 or m/s^3, both ways. A URDF has none, so this one is a parameter.
+        acceleration: (n,) rad/s^2 or m/s^2, both ways; NO_ACCELERATION_LIMIT where the description of the arm states none.
+        jerk: (n,) rad/s^3 or m/s^3, both ways; NO_JERK_LIMIT where the description of the arm states none.
         effort: (n,) N m or N, rated, at the joint.
     """
 
@@ -108,10 +118,14 @@ class JointLimits:
             speed: Share of the speed limits.
             effort: Share of the rated effort.
             margin: Distance kept from both position limits, rad or m.
-            acceleration: Limit of every joint, rad/s^2 or m/s^2; None keeps the present ones.
-            jerk: Limit of every joint, rad/s^3 or m/s^3; None keeps the present ones.
+            acceleration: rad/s^2 or m/s^2, upper bound for the limit of every joint; None keeps the present ones.
+            jerk: rad/s^3 or m/s^3, upper bound for the limit of every joint; None keeps the present ones.
         """
         return _reduced(self, speed, effort, margin, acceleration, jerk)
+
+    def with_acceleration(self, acceleration: float) -> JointLimits:
+        """Return the same limits with another acceleration limit (rad/s^2 or m/s^2) for every joint, which may be higher."""
+        return replace(self, acceleration=np.full(len(self.names), acceleration))
 
 
 @functools.lru_cache(maxsize=128)
@@ -119,12 +133,11 @@ def _reduced(
     limits: JointLimits, speed: float, effort: float, margin: float, acceleration: float | None, jerk: float | None
 ) -> JointLimits:
     """Return `limits.reduced`; cached, because each plan asks for it."""
-    n = len(limits.names)
     return replace(
         limits,
         position=limits.position + margin * np.array([1.0, -1.0]),
         speed=speed * limits.speed,
-        acceleration=limits.acceleration if acceleration is None else np.full(n, acceleration),
-        jerk=limits.jerk if jerk is None else np.full(n, jerk),
+        acceleration=limits.acceleration if acceleration is None else np.minimum(limits.acceleration, acceleration),
+        jerk=limits.jerk if jerk is None else np.minimum(limits.jerk, jerk),
         effort=effort * limits.effort,
     )

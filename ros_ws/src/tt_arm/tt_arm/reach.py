@@ -1,9 +1,9 @@
 """Which posture and joint speeds bring the racket to its state (inverse kinematics).
 
-Face position and normal are five conditions on seven joints. The two freedoms that are left are the racket's turn about its normal and the
-elbow's angle about the line from shoulder to wrist. With both given the posture is a closed form. They are searched over their whole
-range, so the answer does not depend on a start (`ik_search`). The best posture needs the least share of the joint speeds that are
-possible there within the swing time, lets the face turn little at the strike, and has the arm back soon.
+Face position and normal are five conditions on five to eight joints, so none to three freedoms are left. The search begins all over the
+limits of the joints, so the answer does not depend on a start (`posture_search`; `elbow_search` for an arm with a closed form). The best
+posture needs the least share of the joint speeds that are possible there within the swing time, lets the face turn little at the strike,
+and has the arm back soon.
 """
 
 from __future__ import annotations
@@ -15,21 +15,24 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from tt_core.errors import check_array
+from tt_core.errors import BadChoice, check_array
 from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array, RacketState
 
 from . import dissertation
-from .ik.ik_search import ONES, PostureWeights, search, turning_rate
-from .ik.newton import newton
-from .ik.velocity_allocation import least_shares, steady_rows
+from .ik.elbow_search import Face, elbow_search
+from .ik.newton import Target, newton
+from .ik.posture_cost import PostureWeights, turning_rate
+from .ik.posture_search import ATLAS_SIZE, any_posture, search
+from .ik.velocity_allocation import ONES, least_shares, steady_rows
 from .joints import COMMAND_TIMEOUT, HOLD_RESERVE, JointBounds, JointLimits
 from .kinematics import Chain, forward
 from .model import ArmModel
 
-METHODS = ("best", "near", "liu")
-FINER = 2  # times the grid, where the plain grid finds no posture at all
+METHODS = ("best", "near", "any", "liu")
+FINER = (1, 2)  # times `grid`, where the plain grid finds no posture within all limits
+MORE = (1, 4, 16)  # times `seeds` that are tried one after the other, until a posture within all limits is found
 
 
 class ReachFailure(Enum):
@@ -82,7 +85,16 @@ class ReachParams:
         low=0.0,
         high=10.0,
     )
-    grid: int = param(12, "", "values of each of the two freedoms on the grid where the search starts", low=4, high=64)
+    grid: int = param(
+        12, "", "values of each of two freedoms on the grid where the search of an arm with a closed form starts", low=4, high=64
+    )
+    seeds: int = param(
+        64,
+        "",
+        "known postures from which the search of any other arm starts; 4 and 16 times as many where it finds none within all limits",
+        low=1,
+        high=1000,
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -94,8 +106,8 @@ class Reach:
     """A posture for the strike.
 
     Attributes:
-        q: (7,) rad.
-        qdot: (7,) rad/s.
+        q: (n,) rad.
+        qdot: (n,) rad/s.
         ratio: max |qdot| / limit; inf if there is no posture.
         turning: rad/s, rate at which the face normal turns.
         reason: Why it cannot be used, or None.
@@ -121,8 +133,8 @@ class NearestPosture(NamedTuple):
     """The posture next to a seed, with its least joint speeds."""
 
     found: bool
-    q: Array  # (7,) rad
-    qdot: Array  # (7,) rad/s
+    q: Array  # (n,) rad
+    qdot: Array  # (n,) rad/s
     rating: Rating
 
 
@@ -131,13 +143,13 @@ def rate(q: Array, qdot: Array, rows: Array, limits: JointBounds) -> Rating:
     """Compare a posture with the limits.
 
     Args:
-        q: (7,) rad.
-        qdot: (7,) rad/s.
-        rows: (5, 7) of `steady_rows`, for joint speeds in rad/s.
+        q: (n,) rad.
+        qdot: (n,) rad/s.
+        rows: (5, n) of `steady_rows`, for joint speeds in rad/s.
         limits: Of the joints.
     """
     ratio, joint, beyond = 0.0, 0, -np.inf
-    for i in range(7):
+    for i in range(len(q)):
         ratio = max(ratio, abs(qdot[i]) / limits[i].speed)
         outside = max(limits[i].low - q[i], q[i] - limits[i].high)
         if outside > beyond:
@@ -153,24 +165,25 @@ def nearest(position: Array, normal: Array, velocity: Array, seed: Array, limits
         position: (3,) m, face centre.
         normal: (3,) unit, face normal.
         velocity: (3,) m/s, of the face centre.
-        seed: (7,) rad.
+        seed: (n,) rad.
         limits: Of the joints.
         chain: The geometry.
     """
     found, q, rows = newton(position, normal, seed, chain)
-    qdot = np.zeros(7)
+    n = len(seed)
+    qdot = np.zeros(n)
     if found:
-        columns = np.empty((3, 7))
+        columns = np.empty((3, n))
         for k in range(3):
-            for i in range(7):
+            for i in range(n):
                 columns[k, i] = rows[k, i] * limits[i].speed
         found = least_shares(columns, velocity, qdot) < np.inf
         for k in range(3):
             missing = velocity[k]
-            for i in range(7):
+            for i in range(n):
                 missing -= columns[k, i] * qdot[i]
             found = found and abs(missing) < 1e-6
-        for i in range(7):
+        for i in range(n):
             qdot[i] *= limits[i].speed
     return NearestPosture(found, q, qdot, rate(q, qdot, rows, limits))
 
@@ -190,28 +203,37 @@ def reach(
     Args:
         model: The arm.
         racket: As wanted at the strike.
-        seed: (7,) rad, where the arm comes from.
+        seed: (n,) rad, where the arm comes from.
         params: What the search weighs.
-        qdot: (7,) rad/s, the joint speeds at `seed`; None at rest.
-        method: "best" searches both freedoms. "near" takes the posture that Newton's method finds from the seed, with the least joint
-            speeds. "liu" is the dissertation's, see `dissertation`.
+        qdot: (n,) rad/s, the joint speeds at `seed`; None at rest.
+        method: "best" searches all postures. "near" takes the posture that Newton's method finds from the seed, with the least joint
+            speeds, and "any" the first one within the position limits. "liu" is the dissertation's, see `dissertation`.
         limits: Of the joints; None for the arm's own.
 
     Raises:
         BadShape: An array has another shape.
         NotFinite: A number is NaN or infinite.
+        BadChoice: The dissertation's method is asked of an arm without seven joints.
     """
-    seed, limits = check_array("seed", seed, (7,)).copy(), limits or model.limits
+    n = len(model.names)
+    seed, limits = check_array("seed", seed, (n,)).copy(), limits or model.limits
+    if method == "liu" and n != dissertation.JOINTS:
+        raise BadChoice("method", method, METHODS[:3])
     if method == "best":
-        speeds = np.zeros(7) if qdot is None else check_array("qdot", qdot, (7,))
+        speeds = np.zeros(n) if qdot is None else check_array("qdot", qdot, (n,))
         return _searched(model, racket, np.array([seed, speeds, model.waiting]), params or ReachParams(), limits)
-    if method == "near":
+    if method == "any":
+        q, target, seeds = np.empty(n), Target(racket.position.copy(), racket.normal), (params or ReachParams()).seeds
+        if not any(any_posture(target, seed, limits.bounds, times * seeds, model.atlas, model.chain, q) for times in MORE):
+            return _failed(seed, ReachFailure.OUT_OF_REACH)
+        seed = q
+    if method in ("near", "any"):
         found = nearest(racket.position.copy(), racket.normal, racket.velocity.copy(), seed, limits.bounds, model.chain)
         return _rated(limits, found.q, found.qdot, found.rating) if found.found else _failed(seed, ReachFailure.NOT_CONVERGED)
-    q = dissertation.posture(model, racket, seed)
-    if q is None:
+    posture = dissertation.posture(model, racket, seed)
+    if posture is None:
         return _failed(seed, ReachFailure.NOT_CONVERGED)
-    return _compared(model, limits, q, dissertation.joint_speeds(model, q, racket.velocity))
+    return _compared(model, limits, posture, dissertation.joint_speeds(model, posture, racket.velocity))
 
 
 def adjust(model: ArmModel, racket: RacketState, before: Reach, limits: JointLimits | None = None) -> Reach:
@@ -233,17 +255,25 @@ def adjust(model: ArmModel, racket: RacketState, before: Reach, limits: JointLim
 
 
 def _searched(model: ArmModel, racket: RacketState, start: Array, params: ReachParams, limits: JointLimits) -> Reach:
-    """Return the best posture of the search; start (3, 7): q, qdot, and q where the arm waits."""
+    """Return the best posture of the search; start (3, n): q, qdot, and q where the arm waits."""
     bounds = limits.reduced(acceleration=params.acceleration).bounds
     weights = PostureWeights(
         params.swing_time, params.affordable, params.turning_weight, params.margin, params.return_weight, params.command_timeout
     )
-    for finer in (1, FINER):
-        grid = finer * params.grid
-        best = search(racket.position.copy(), racket.rotation, racket.velocity.copy(), start, bounds, np.array(weights), grid, model.chain)
+    position, velocity, cost = racket.position.copy(), racket.velocity.copy(), np.array(weights)
+    found = _failed(start[0], ReachFailure.OUT_OF_REACH)
+    for times in FINER if model.closed_form is not None else MORE:
+        if model.closed_form is not None:
+            face = Face(position, racket.rotation, velocity)
+            best = elbow_search(face, start, bounds, cost, times * params.grid, model.closed_form, model.chain)
+        else:
+            count = min(times * params.seeds, ATLAS_SIZE)
+            best = search(Target(position, racket.normal), velocity, start, bounds, cost, count, model.atlas, model.chain)
         if best.cost < math.inf:
-            return _compared(model, limits, best.q, best.qdot)
-    return _failed(start[0], ReachFailure.OUT_OF_REACH)
+            found = _compared(model, limits, best.q, best.qdot)
+        if found.reason is None:
+            break
+    return found
 
 
 def _compared(model: ArmModel, limits: JointLimits, q: Array, qdot: Array) -> Reach:
@@ -263,4 +293,4 @@ def _rated(limits: JointLimits, q: Array, qdot: Array, rating: Rating) -> Reach:
 
 
 def _failed(q: Array, code: ReachFailure) -> Reach:
-    return Reach(q, np.zeros(7), math.inf, 0.0, Failure(code))
+    return Reach(q, np.zeros(len(q)), math.inf, 0.0, Failure(code))

@@ -55,16 +55,17 @@ def servo_command(since: float, lead: float, gain: float, knots: Array, coeffici
         since: s, time since the start of the path.
         lead: s, by which the path is read ahead.
         gain: 1/s.
-        knots: (7, n) of the path, see `profiles`.
-        coefficients: (7, n, 6) of the path.
-        q: (7,) rad, as measured.
-        speed: (7,) rad/s, limits both ways.
-        out: (7,) rad/s; filled.
+        knots: (joints, n) of the path, see `profiles`.
+        coefficients: (joints, n, 6) of the path.
+        q: (n,) rad, as measured.
+        speed: (n,) rad/s, limits both ways.
+        out: (n,) rad/s; filled.
     """
-    q_path, qdot_ahead, unused, unused_too = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    n = len(q)
+    q_path, qdot_ahead, unused, unused_too = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     evaluate(since + lead, knots, coefficients, unused, qdot_ahead, unused_too)
     evaluate(since, knots, coefficients, q_path, unused, unused_too)
-    for i in range(7):
+    for i in range(n):
         out[i] = servo_speed(q_path[i], qdot_ahead[i], q[i], gain, speed[i])
 
 
@@ -74,13 +75,13 @@ def follow(swing: Swing, time: float, q: Array, speed_limits: Array, params: Ser
     Args:
         swing: The path.
         time: s.
-        q: (7,) rad, as measured at `time`.
-        speed_limits: (7,) rad/s, both ways.
+        q: (n,) rad, as measured at `time`.
+        speed_limits: (n,) rad/s, both ways.
         params: Of the servo.
 
     Returns:
-        (7,) rad/s.
+        (n,) rad/s.
     """
-    command, since = np.empty(7), time - swing.start.time
+    command, since = np.empty(len(q)), time - swing.start.time
     servo_command(since, params.lead, params.gain, swing.knots, swing.coefficients, q, speed_limits, command)
     return command

@@ -26,7 +26,7 @@ class StartupFailure(Enum):
     WAITING_TOO_NEAR = "the waiting posture {waiting} is {distance:.3f} m from {obstacle}, {bound:g} m wanted"
     TOO_FEW_STROKES = (
         "base = ({x:g}, {y:g}, {z:g}) with this mount makes {made} of {tried} strokes, {needed:.0f} needed: {reason}; "
-        "the furthest is {far:.2f} m from the shoulder, the arm is {length:.2f} m long"
+        "the furthest is {far:.2f} m from the base, the racket comes {length:.2f} m far"
     )
     GUARD_LIMIT = (
         "the guard would cut what swings use: for joint {joint} it allows a {quantity} of {allowed:g} {unit}, swings use {used:g} {unit}; "
@@ -71,7 +71,7 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
     Raises:
         StartupError: The waiting posture is too near to something, or fewer than NEEDED of the strokes can be made.
     """
-    left, what = clearance(model.waiting, model.chain)
+    left, what = clearance(model.waiting, model.bodies)
     if left < limits.clearance:
         raise StartupError(
             Failure(
@@ -82,19 +82,19 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
                 bound=limits.clearance,
             )
         )
-    start, tried = Joints(0.0, model.waiting, np.zeros(7)), strokes()
+    start, tried = Joints.at_rest(0.0, model.waiting), strokes()
     reasons = [plan(model, start, reach(model, racket, model.waiting), TIME, limits).reason for racket in tried]
     made = reasons.count(None)
     if made < NEEDED * len(tried):
-        x, y, z = model.chain.base_position
-        shoulder = np.array([x, y, z + model.chain.lengths[0]])
+        x, y, z = model.base.translation
+        reached = model.atlas.faces[:3].T - model.base.translation
         raise StartupError(
             Failure(
                 StartupFailure.TOO_FEW_STROKES,
                 x=x, y=y, z=z, made=made, tried=len(tried), needed=NEEDED * len(tried),
                 reason=next(reason for reason in reasons if reason is not None),
-                far=max(float(np.linalg.norm(racket.position - shoulder)) for racket in tried),
-                length=float(model.chain.lengths[1:].sum() + np.linalg.norm(model.chain.mount_position)),
+                far=max(float(np.linalg.norm(racket.position - model.base.translation)) for racket in tried),
+                length=float(np.linalg.norm(reached, axis=1).max()),
             )
         )  # fmt: skip
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from tt_core.errors import TtError, check_range
+from tt_core.errors import TtError, check_array, check_range
 from tt_core.failures import Failure
 from tt_core.states import Array
 
@@ -38,8 +38,8 @@ class NoStop(TtError):
     """There is no way to come to rest within LONGEST.
 
     Attributes:
-        qdot: (7,) rad/s, at the start.
-        qddot: (7,) rad/s^2, at the start.
+        qdot: (n,) rad/s, at the start.
+        qddot: (n,) rad/s^2, at the start.
     """
 
     def __init__(self, qdot: Array, qddot: Array) -> None:
@@ -58,8 +58,8 @@ class Swing:
         end_time: s, from when on the arm is at rest.
         earliest: s, when the strike would have been possible at the earliest; inf if never.
         reason: Why there is no strike, or None. Without a strike the path only brakes and returns to waiting.
-        knots: (7, n) s since `start.time`, where the polynomials begin, padded with inf.
-        coefficients: (7, n, 6) of the polynomials in s since the knot, lowest power first.
+        knots: (joints, n) s since `start.time`, where the polynomials begin, padded with inf.
+        coefficients: (joints, n, 6) of the polynomials in s since the knot, lowest power first.
     """
 
     start: Joints
@@ -71,7 +71,7 @@ class Swing:
     coefficients: Array = field(repr=False)
 
     def sample(self, time: float) -> tuple[Array, Array]:
-        """Return q (7,) rad and qdot (7,) rad/s at `time` (s). Before the start the motion is straight, after the end it is rest."""
+        """Return q (n,) rad and qdot (n,) rad/s at `time` (s). Before the start the motion is straight, after the end it is rest."""
         q, qdot, _ = self._at(time)
         return q, qdot
 
@@ -80,7 +80,8 @@ class Swing:
         return Joints(time, *self._at(time))
 
     def _at(self, time: float) -> tuple[Array, Array, Array]:
-        q, qdot, qddot = np.empty(7), np.empty(7), np.empty(7)
+        n = len(self.knots)
+        q, qdot, qddot = np.empty(n), np.empty(n), np.empty(n)
         evaluate(time - self.start.time, self.knots, self.coefficients, q, qdot, qddot)
         return q, qdot, qddot
 
@@ -88,7 +89,7 @@ class Swing:
         """Sample the swing every `step` (s), and at strike and end.
 
         Returns:
-            Times (n,) s since `start.time`, q (n, 7) rad and qdot (n, 7) rad/s.
+            Times (n,) s since `start.time`, q (n, joints) and qdot (n, joints).
         """
         end = self.end_time - self.start.time
         times = np.unique(np.append(np.arange(0.0, end, step), [end, min(end, self.strike_time - self.start.time)]))
@@ -113,7 +114,7 @@ class Task(NamedTuple):
         return Path(self.joints.bounds, self.limits.profile)
 
     def is_moving(self, qdot: Array, qddot: Array) -> bool:
-        """Return whether an arm with qdot (7,) rad/s moves, or will when its qddot (7,) rad/s^2 is reduced to zero."""
+        """Return whether an arm with qdot (n,) rad/s moves, or will when its qddot (n,) rad/s^2 is reduced to zero."""
         return bool((np.abs(qdot) + 0.5 * qddot**2 / self.joints.jerk).max() > AT_REST)
 
 
@@ -139,16 +140,19 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
         limits: What the swing may use.
 
     Raises:
+        BadShape: Start or target have another number of joints.
         OutOfRange: `strike_time` is outside its range.
         NotFinite: `strike_time` is NaN or infinite.
         NoStop: There is no way to come to rest.
     """
     task = Task.of(model, limits or SwingLimits())
     strike_time, start = check_range("strike_time", strike_time, -1e18, 1e18), _within_limits(task, start)
+    if target is not None:
+        check_array("target.q", target.q, (len(model.names),))
     planned = StrikePlan(None, math.inf, None) if target is None else _strike(task, start, target, strike_time)
     if planned.swing is not None:
         return planned.swing
-    qdot = start.qdot if task.is_moving(start.qdot, start.qddot) else np.zeros(7)
+    qdot = start.qdot if task.is_moving(start.qdot, start.qddot) else np.zeros(len(start.q))
     path, _ = _return_path(task, start.q, qdot, start.qddot)
     return Swing(start, math.inf, start.time + path.duration, planned.earliest, planned.failure, *path.pieces[:2])
 
@@ -180,7 +184,7 @@ def _strike(task: Task, start: Joints, target: Reach, strike_time: float) -> Str
         return StrikePlan(None, earliest, Failure(SwingFailure.TOO_SOON, missing=shortest - time))
     path, failure = _approach(task, leg, time, shortest)
     if failure is None:
-        homeward, failure = _return_path(task, target.q, target.qdot, np.zeros(7))
+        homeward, failure = _return_path(task, target.q, target.qdot, np.zeros(len(start.q)))
     if failure is not None:
         return StrikePlan(None, earliest, failure)
     path.join(homeward)
@@ -213,7 +217,7 @@ def _return_path(task: Task, q: Array, qdot: Array, qddot: Array) -> tuple[Path,
     """
     for softly in (None, SOFT, 1.0):
         path = task.new_path()
-        arrives = append_return(path, task, make_leg(q, qdot, qddot, task.model.waiting, np.zeros(7)), softly)
+        arrives = append_return(path, task, make_leg(q, qdot, qddot, task.model.waiting, np.zeros(len(q))), softly)
         failure = path_failure(path, task.model, task.limits) if arrives else Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST)
         if failure is None:
             break
@@ -235,7 +239,7 @@ def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> boo
     if softly is not None and (leg["v0"].any() or leg["a0"].any()):
         time, brake = _brake(path, task, leg, softly)
         path.leg(time, brake)
-        leg = make_leg(brake["q1"], np.zeros(7), np.zeros(7), leg["q1"], leg["v1"])
+        leg = make_leg(brake["q1"], np.zeros(len(leg)), np.zeros(len(leg)), leg["q1"], leg["v1"])
     least = max(STEP, path.shortest_time(0.0, leg))
     time = path.shortest_time(task.limits.unhurried_return * least, leg)
     found = not math.isinf(time)
@@ -250,7 +254,7 @@ def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]
     q0, v0, a0 = leg["q0"], leg["v0"], leg["a0"]
     time = float((softly * np.abs(v0) / task.joints.acceleration).max())
     while time < LONGEST:
-        brake = make_leg(q0, v0, a0, q0 + 0.5 * time * v0, np.zeros(7))
+        brake = make_leg(q0, v0, a0, q0 + 0.5 * time * v0, np.zeros(len(q0)))
         if path.is_possible(time, brake):
             return time, brake
         time += STEP
@@ -259,9 +263,10 @@ def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]
 
 def _within_limits(task: Task, start: Joints) -> Joints:
     """Return the start with speeds and accelerations within the limits, and without acceleration where none is kept."""
+    check_array("start.q", start.q, (len(task.model.names),))
     speed, acceleration = task.joints.speed, task.joints.acceleration
     qdot, qddot = np.clip(start.qdot, -speed, speed), np.clip(start.qddot, -acceleration, acceleration)
     if task.limits.profile == "polyline" or not task.is_moving(qdot, qddot):
-        qddot = np.zeros(7)
+        qddot = np.zeros(len(qdot))
     same = (qdot == start.qdot).all() and (qddot == start.qddot).all()
     return start if same else Joints(start.time, start.q, qdot, qddot)

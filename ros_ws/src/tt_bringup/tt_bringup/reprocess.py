@@ -34,7 +34,7 @@ from .stages import STAGES, Chain
 
 TF = "tf2_msgs/msg/TFMessage"
 FOREVER = QosTime(9223372036, 854775807)
-URDF = "robot_description.urdf"
+URDF = "robot_arm_urdf.urdf"
 NODES = ("estimate", "predict", "racket", "arm")
 
 

@@ -42,7 +42,7 @@ def arm_ticks(
         start: Where it starts; the first step is made there.
         tick: s.
         rng: Of the encoders.
-        advance: Obeys a command (7,) rad/s for one tick and returns the joints; None: only the arm moves.
+        advance: Obeys a command (n,) rad/s for one tick and returns the joints; None: only the arm moves.
 
     Yields:
         Joints and step of each tick.

@@ -99,7 +99,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
     """
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)
-    start, guarded, selected, rows = Joints(0.0, model.waiting, np.zeros(7)), set[str](), None, list[list[float]]()
+    start, guarded, selected, rows = Joints.at_rest(0.0, model.waiting), set[str](), None, list[list[float]]()
     miss, tilt, end = np.nan, np.nan, LONGEST
     for joints, step in arm_ticks(control, plant, start, TICK, rng):
         if joints.time > 0.0:
@@ -115,7 +115,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
             miss = float(np.linalg.norm(there.position - selected.racket.position))
             tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ selected.racket.normal))))
     record: Array = np.array(rows)
-    q, qdot = record[:, :7], record[:, 7:]
+    q, qdot = np.split(record, 2, axis=1)
     made = selected is not None and selected.swing is not None and selected.reach is not None
     return ArmTrial(
         strokes=len(rackets),
@@ -128,6 +128,6 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
         room=float(np.minimum(q - model.position_limits[:, 0], model.position_limits[:, 1] - q).min()),
         speed=float((np.abs(qdot) / model.speed_limits).max()),
         acceleration=float(np.abs(np.diff(qdot, axis=0)).max() / TICK),
-        clear=min(clearance(row, model.chain)[0] for row in q),
+        clear=min(clearance(row, model.bodies)[0] for row in q),
         guarded=frozenset(guarded),
     )

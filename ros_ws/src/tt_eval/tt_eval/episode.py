@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from tt_arm.arm_file import load_arm
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
@@ -149,7 +150,7 @@ class Episode:
         path: As the robot has predicted it.
         candidates: Strokes.
         choice: What the arm made of them.
-        joints: (n, 15) time (s), q (rad) and qdot (rad/s) of every tick; at a rate, from the ball's launch on.
+        joints: (n, 1 + 2 joints) time (s), q (rad or m) and qdot of every tick; at a rate, from the ball's launch on.
     """
 
     trial: Trial
@@ -241,14 +242,14 @@ def _texture(seed: int) -> Texture:
 
 
 @functools.cache
-def _arm() -> ArmModel:
-    return ArmModel.pa10()
+def _arm(name: str) -> ArmModel:
+    return load_arm(name)
 
 
 @functools.cache
-def _rest() -> Swing:
+def _rest(model: ArmModel) -> Swing:
     """Return what the arm follows while it waits, from 0 s on."""
-    return plan_swing(_arm(), Joints(0.0, _arm().waiting, np.zeros(7)), None, 0.0)
+    return plan_swing(model, Joints.at_rest(0.0, model.waiting), None, 0.0)
 
 
 def _aimed(camera: Camera, ball: BallState) -> Camera:
@@ -325,7 +326,7 @@ def play(scenario: Scenario, seed: int) -> Episode:
     if scenario.balls > 1:
         return session(scenario, seed // scenario.balls)[seed % scenario.balls]
     trial = Trial.drawn(scenario, seed)
-    plan, control, plant = Plan.of(trial), _control(scenario.robot), Plant(_arm(), scenario.world.plant)
+    plan, control, plant = Plan.of(trial), _control(scenario), Plant(_arm(scenario.arm), scenario.world.plant)
     done = _swiftly(trial, control, plant, plan)
     return _episode(trial, plan, *done) if done else _tick_by_tick([trial], [plan], control, plant, trial.rng)[0]
 
@@ -335,12 +336,12 @@ def session(scenario: Scenario, number: int) -> list[Episode]:
     first, period = number * scenario.balls, 60.0 / scenario.launcher.rate if scenario.launcher.rate else 0.0
     trials = [Trial.drawn(scenario, first + i, i * period) for i in range(scenario.balls)]
     plans = [Plan.of(trial) for trial in trials]
-    plant = Plant(_arm(), scenario.world.plant)
-    return _tick_by_tick(trials, plans, _control(scenario.robot), plant, np.random.default_rng([first, 2]))
+    plant = Plant(_arm(scenario.arm), scenario.world.plant)
+    return _tick_by_tick(trials, plans, _control(scenario), plant, np.random.default_rng([first, 2]))
 
 
-def _control(robot: Robot) -> ArmControl:
-    control = ArmControl(_arm(), selection=SelectionParams(method=robot.reach))
+def _control(scenario: Scenario) -> ArmControl:
+    control = ArmControl(_arm(scenario.arm), selection=SelectionParams(method=scenario.robot.reach))
     control.enable(True)
     return control
 
@@ -357,8 +358,8 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
     tick, choice, time = trial.scenario.tick, None, 0.0
     if plan.candidates is not None and plan.due < LONGEST:
         time = tick * np.ceil(plan.due / tick)
-        control.joints = Joints(time, control.model.waiting, np.zeros(7))
-        control.swing = replace(_rest(), start=control.joints, end_time=time)
+        control.joints = Joints.at_rest(time, control.model.waiting)
+        control.swing = replace(_rest(control.model), start=control.joints, end_time=time)
         choice = control.take(plan.rackets)
     swing = choice.swing if choice is not None and choice.index is not None else None
     done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)
@@ -371,7 +372,7 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
     """Play balls in the order of their launches, until nothing more happens to any; rng: of the encoders."""
     tick_time, model = trials[0].scenario.tick, control.model
-    robot = SimulatedRobot(trials[0].physics, plant, Joints(-tick_time, model.waiting, np.zeros(7)), tick_time)
+    robot = SimulatedRobot(trials[0].physics, plant, Joints.at_rest(-tick_time, model.waiting), tick_time)
     outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
     record, open_plans = list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
 
@@ -384,7 +385,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
         ends.update({outcomes.index(outcome): len(record) for outcome in tick.ended})
         return tick.joints
 
-    for joints, _ in arm_ticks(control, plant, advance(np.zeros(7)), tick_time, rng, advance):
+    for joints, _ in arm_ticks(control, plant, advance(np.zeros(len(model.names))), tick_time, rng, advance):
         if len(ends) == len(trials):
             break
         while open_plans and plans[open_plans[0]].due <= joints.time:

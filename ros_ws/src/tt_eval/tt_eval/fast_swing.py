@@ -36,9 +36,9 @@ class Controller(NamedTuple):
     gain: float  # 1/s, of the position error
     lost: float  # rad, distance from the path at which it is given up
     hold: float  # s, for which a drive may hold a command
-    speed: Array  # (7,) rad/s, limits of the servo
+    speed: Array  # (n,) rad/s, limits of the servo
     guard: JointBounds  # limits of commands
-    braking: Array  # (7,) rad/s^2
+    braking: Array  # (n,) rad/s^2
 
 
 class Drives(NamedTuple):
@@ -47,15 +47,15 @@ class Drives(NamedTuple):
     limits: JointBounds
     lag: float  # s
     q_step: float  # rad, resolution of the encoders; 0: exact
-    noise: Array  # (n, 14) of what is measured, a row for each tick
+    noise: Array  # (ticks, n) of the measured positions
 
 
 class Followed(NamedTuple):
     """The path to follow, and from when on."""
 
     start: float  # s; inf to stay at rest
-    knots: Array  # (7, n) s since the start, see `profiles`
-    coefficients: Array  # (7, n, 6)
+    knots: Array  # (joints, n) s since the start, see `profiles`
+    coefficients: Array  # (joints, n, 6)
 
 
 class Setup(NamedTuple):
@@ -70,8 +70,8 @@ class Setup(NamedTuple):
 class Record(NamedTuple):
     """What is filled, a row for each tick."""
 
-    joints: Array  # (n, 15) time s, q rad, qdot rad/s
-    rackets: Array  # (n, 12) position, normal, velocity, angular velocity
+    joints: Array  # (ticks, 1 + 2 n) time s, q rad or m, qdot
+    rackets: Array  # (ticks, 12) position, normal, velocity, angular velocity
 
 
 @njit(cache=True)
@@ -82,7 +82,7 @@ def _record_racket(q: Array, qdot: Array, chain: Chain, jacobian: Array, rotatio
         row[3 + k] = rotation[k, 2]
     for k in range(6):
         row[6 + k] = 0.0
-        for i in range(7):
+        for i in range(len(q)):
             row[6 + k] += jacobian[k, i] * qdot[i]
 
 
@@ -90,28 +90,29 @@ def _record_racket(q: Array, qdot: Array, chain: Chain, jacobian: Array, rotatio
 def _swing(
     time: float, tick: float, q: Array, path: Followed, controller: Controller, drives: Drives, chain: Chain, record: Record
 ) -> bool:
-    """Follow a path from rest at q (7,) rad, which is changed, at `time` (s).
+    """Follow a path from rest at q (n,) rad, which is changed, at `time` (s).
 
     Returns:
         Whether the guard stays silent; otherwise the record ends early.
     """
-    rest, qdot, wanted, last, command = q.copy(), np.zeros(7), np.zeros(7), np.zeros(7), np.zeros(7)
-    q_path, qdot_ahead, measured, unused, unused_too = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.empty(7)
-    rotation, jacobian, speed, noise = np.empty((3, 3)), np.empty((6, 7)), controller.speed, drives.noise
+    n = len(q)
+    rest, qdot, wanted, last, command = q.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    q_path, qdot_ahead, measured, unused, unused_too = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    rotation, jacobian, speed, noise = np.empty((3, 3)), np.empty((6, n)), controller.speed, drives.noise
     lead, gain, joints = controller.lead, controller.gain, record.joints
-    for n in range(len(joints)):
-        now = time + n * tick
-        joints[n, 0] = now
-        for i in range(7):
-            joints[n, 1 + i], joints[n, 8 + i] = q[i], qdot[i]
-        _record_racket(q, qdot, chain, jacobian, rotation, record.rackets[n])
+    for k in range(len(joints)):
+        now = time + k * tick
+        joints[k, 0] = now
+        for i in range(n):
+            joints[k, 1 + i], joints[k, 1 + n + i] = q[i], qdot[i]
+        _record_racket(q, qdot, chain, jacobian, rotation, record.rackets[k])
         if now + lead >= path.start:
             evaluate(now - path.start, path.knots, path.coefficients, q_path, unused, unused_too)
             evaluate(now + lead - path.start, path.knots, path.coefficients, unused, qdot_ahead, unused_too)
         else:
             q_path[:], qdot_ahead[:] = rest, 0.0
-        for i in range(7):
-            measured[i] = q[i] + noise[n, i]
+        for i in range(n):
+            measured[i] = q[i] + noise[k, i]
             if drives.q_step > 0.0:
                 measured[i] = round(measured[i] / drives.q_step) * drives.q_step
             wanted[i] = servo_speed(q_path[i], qdot_ahead[i], measured[i], gain, speed[i])
@@ -127,9 +128,10 @@ def _swing(
 def _has_torque(plant: Plant, joints: Array, tick: float) -> bool:
     """Return whether the motors have the torque of every tick, as `Plant` asks."""
     model, most = plant.model.pinocchio, plant.limits.effort
-    data, qddot = model.createData(), np.diff(joints[:, 8:], axis=0) / tick
-    moving = np.flatnonzero(np.abs(qddot).max(axis=1) > 1e-6)
-    rows = zip(joints[moving, 1:8], joints[moving, 8:], qddot[moving], strict=True)
+    every_q, every_qdot = np.split(joints[:, 1:], 2, axis=1)
+    data, every_qddot = model.createData(), np.diff(every_qdot, axis=0) / tick
+    moving = np.flatnonzero(np.abs(every_qddot).max(axis=1) > 1e-6)
+    rows = zip(every_q[moving], every_qdot[moving], every_qddot[moving], strict=True)
     return all((np.abs(pin.rnea(model, data, q, qdot, a)) <= most).all() for q, qdot, a in rows)
 
 
@@ -153,17 +155,18 @@ def rally(
         rng: Of the encoders.
 
     Returns:
-        Contacts of the ball, and joints (n, 15) as of `Episode`; None when the guard or the motors would act.
+        Contacts of the ball, and joints as of `Episode`; None when the guard or the motors would act.
     """
     physics, plant, control, tick = setup
     params, model = plant.params, plant.model
     if control.guard.params.clearance > control.limits.clearance:
         return None
     n = 2 if swing is None else math.ceil((swing.strike_time + AFTER_STRIKE - time) / tick)
-    record, noise = Record(np.empty((n, 15)), np.empty((n, 12))), np.zeros((n, 14))
+    count = len(model.names)
+    record, noise = Record(np.empty((n, 1 + 2 * count)), np.empty((n, 12))), np.zeros((n, count))
     if params.q_noise > 0.0:
-        noise[:, :7] = rng.normal(0.0, params.q_noise, (n, 7))
-    path = Followed(np.inf, np.empty((7, 1)), np.empty((7, 1, 6))) if swing is None else _followed(swing)
+        noise = rng.normal(0.0, params.q_noise, (n, count))
+    path = Followed(np.inf, np.empty((count, 1)), np.empty((count, 1, 6))) if swing is None else _followed(swing)
     drives = Drives(plant.limits.bounds, params.time_constant, params.q_step, noise)
     silent = _swing(time, tick, np.array(model.waiting), path, _controller(control), drives, model.chain, record)
     if not silent or (params.torque_share > 0.0 and not _has_torque(plant, record.joints, tick)):

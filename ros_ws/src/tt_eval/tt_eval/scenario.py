@@ -67,6 +67,7 @@ class Scenario:
         goal: Of the returns; None: that of `tt_racket.goal` for the measured spin.
         world: What is true.
         robot: Its models and methods.
+        arm: Path of an arm file, see docs/arms.md; "pa10" for the PA10.
         launcher: Where it stands, and its rate.
         session: Balls that one arm meets at the launcher's rate. Without a rate each ball has an arm that waits for it.
         images: Whether images are rendered and measured; otherwise the sensor error model gives the measured ball.
@@ -81,6 +82,7 @@ class Scenario:
     goal: ReturnGoal | None = None
     world: WorldParams = field(default_factory=WorldParams)
     robot: Robot = field(default_factory=Robot)
+    arm: str = "pa10"
     launcher: LauncherParams = field(default_factory=LauncherParams)
     session: int | None = None
     images: bool = True
@@ -141,6 +143,9 @@ def load(name: str, robot: str | None = None, world: str | None = None, images: 
     for key, other in (("robot", robot), ("world", world), ("images", images)):
         if other is not None:
             content[key] = other
+    arm = content.get("arm")
+    if isinstance(arm, str) and (file.parent / arm).is_file():
+        content["arm"] = str(file.parent / arm)
     for key, kind, folder in (("world", WorldParams, WORLDS), ("robot", Robot, HOME / "robots")):
         part = content.get(key)
         if isinstance(part, str):

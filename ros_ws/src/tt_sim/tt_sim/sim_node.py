@@ -25,8 +25,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
+from tt_arm.arm_file import load_arm
 from tt_arm.joints import Joints
-from tt_arm.model import ArmModel
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.clock_offset import answer_clock_pings
@@ -92,7 +92,7 @@ class SimNode(Node):
         self.params = declare(self, SimParams, changed=self.on_params)
         self.world = self.chosen_world()
         self.launcher = declare(self, LauncherParams, "launcher.", changed=self.on_launcher)
-        self.arm = ArmModel.pa10()
+        self.arm = load_arm(self.params.robot)
         plant = Plant(self.arm, self.world.plant)
         self.drive = Drive(self.arm.names, plant.limits.speed, declare(self, DriveParams))
         world = self.world

@@ -78,7 +78,7 @@ class SimulatedRobot:
         return self.outcome
 
     def advance(self, command: Array) -> Tick:
-        """Move arm and balls by one tick under a command (7,) rad/s."""
+        """Move arm and balls by one tick under a command (n,) rad/s."""
         self.joints = self.plant.advance(self.joints, command, self.tick)
         racket = self.plant.racket(self.joints)
         before, self._racket_row = self._racket_row, racket.row
@@ -101,8 +101,8 @@ class SimulatedRobot:
 
 def warm(plant: Plant) -> None:
     """Load the kernels, so that no tick waits for them."""
-    robot = SimulatedRobot(Physics.liu(), plant, Joints(0.0, plant.model.waiting, np.zeros(7)), 0.002)
+    robot = SimulatedRobot(Physics.liu(), plant, Joints.at_rest(0.0, plant.model.waiting), 0.002)
     robot.launch(BallState.from_vector(0.0, np.array([2.6, 0.76, 0.4, -5.0, 0.0, 1.0, 0.0, -300.0, 0.0])))
     ArmRecord(plant.model, robot.joints)
     for _ in range(300):  # beyond the bounce on the table
-        robot.advance(np.zeros(7))
+        robot.advance(np.zeros(len(robot.joints.q)))

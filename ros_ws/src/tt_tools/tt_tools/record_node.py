@@ -159,7 +159,7 @@ class RecordNode(Node):
     def _describe(self, urdf: str) -> None:
         """Attach the description of the arm."""
         self._described = True
-        self._recording.attach("robot_description.urdf", "application/xml", urdf)
+        self._recording.attach("robot_arm_urdf.urdf", "application/xml", urdf)
 
     def _report(self, state: State) -> None:
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""

@@ -13,22 +13,29 @@ For the velocity and a still face normal (five rows) see `least_shares_steady`.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.errors import TtError, check_array
 from tt_core.states import Array
 
-from ..model import ArmModel
+if TYPE_CHECKING:
+    from ..model import ArmModel
+
+Vector = tuple[float, float, float]
+Indices = npt.NDArray[np.int64]
 
 PARALLEL = 1e-9  # sine below which directions count as parallel
+ONES = np.ones(8)  # in the place of speed limits
 
 
 class NoJointSpeeds(TtError):
     """No joint speeds move the racket as asked.
 
     Attributes:
-        q: (7,) rad, the posture.
+        q: (n,) rad or m, the posture.
         velocity: (3,) m/s, as asked.
     """
 
@@ -46,21 +53,59 @@ def _component(columns: Array, k: int, x: float, y: float, z: float) -> float:
     return height if abs(height) > PARALLEL * (1.0 + size) else 0.0
 
 
-@njit(cache=True)
-def least_shares(columns: Array, velocity: Array, shares: Array, most: float = math.inf) -> float:
-    """Fill the shares with the least maximum that give a velocity.
+@njit(cache=True, inline="always")
+def _least_in_plane(columns: Array, n: int, normal: Vector, rest: Vector, shares: Array) -> None:
+    """Fill the shares of the columns that lie in a face of the zonotope; columns along the same edge of the face get the same share.
 
     Args:
-        columns: (3, 7) or more rows, of which three are read: m/s of the racket for each joint at its speed limit.
-        velocity: (3,) m/s or more numbers, of which three are read.
-        shares: (7,) of the speed limits; filled.
-        most: Bound, above which the search ends.
-
-    Returns:
-        The least max |share|; inf if the velocity is impossible, or as soon as it is seen to need more than `most`.
+        columns: (3, n), as of `least_shares`.
+        n: Count of the columns.
+        normal: Of the face, unit.
+        rest: m/s, of the velocity, which these columns give.
+        shares: (n,) of the speed limits, NaN for the columns in the face; these are filled.
     """
+    nx, ny, nz = normal
+    rx, ry, rz = rest
+    best, ex, ey, ez = -1.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        if not math.isnan(shares[i]):
+            continue
+        x = ny * columns[2, i] - nz * columns[1, i]
+        y = nz * columns[0, i] - nx * columns[2, i]
+        z = nx * columns[1, i] - ny * columns[0, i]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length < PARALLEL:
+            continue
+        width, ahead = 0.0, (rx * x + ry * y + rz * z) / length
+        for k in range(n):
+            if math.isnan(shares[k]):
+                width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z) / length
+        ratio = abs(ahead) / width if width > PARALLEL else 0.0
+        if ratio > best:
+            scale = math.copysign(1.0, ahead) / length
+            best, ex, ey, ez = ratio, scale * x, scale * y, scale * z
+    dx, dy, dz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx  # along the edge
+    width, left = 0.0, rx * dx + ry * dy + rz * dz
+    for k in range(n):
+        if math.isnan(shares[k]):
+            height = _component(columns, k, ex, ey, ez)
+            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
+            if height != 0.0:
+                shares[k] = math.copysign(best, height)
+                left -= shares[k] * along
+            else:
+                width += abs(along)
+    for k in range(n):
+        if math.isnan(shares[k]):
+            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
+            shares[k] = math.copysign(left / width, left * along) if width > PARALLEL and abs(along) > PARALLEL else 0.0
+
+
+@njit(cache=True, inline="always")
+def _least_shares(columns: Array, n: int, velocity: Array, shares: Array, most: float) -> float:
+    """Do what `least_shares` does, for n columns."""
     best, nx, ny, nz = -1.0, 0.0, 0.0, 0.0
-    for i in range(7):
+    for i in range(n):
         for j in range(i):
             x = columns[1, i] * columns[2, j] - columns[2, i] * columns[1, j]
             y = columns[2, i] * columns[0, j] - columns[0, i] * columns[2, j]
@@ -69,7 +114,7 @@ def least_shares(columns: Array, velocity: Array, shares: Array, most: float = m
             if length < PARALLEL * PARALLEL:
                 continue
             width, ahead = 0.0, velocity[0] * x + velocity[1] * y + velocity[2] * z
-            for k in range(7):
+            for k in range(n):
                 width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z)
             if width * width < PARALLEL * PARALLEL * length:
                 if ahead * ahead > PARALLEL * PARALLEL * length:
@@ -83,144 +128,128 @@ def least_shares(columns: Array, velocity: Array, shares: Array, most: float = m
     if best < 0.0:
         return math.inf
     rx, ry, rz = velocity[0], velocity[1], velocity[2]  # the rest of the velocity
-    for k in range(7):
+    for k in range(n):
         height = _component(columns, k, nx, ny, nz)
         shares[k] = math.copysign(best, height) if height != 0.0 else math.nan  # in the face
         if height != 0.0:
             rx, ry, rz = rx - shares[k] * columns[0, k], ry - shares[k] * columns[1, k], rz - shares[k] * columns[2, k]
-    _least_in_plane(columns, nx, ny, nz, rx, ry, rz, shares)
+    _least_in_plane(columns, n, (nx, ny, nz), (rx, ry, rz), shares)
     return best
 
 
 @njit(cache=True)
-def _least_in_plane(columns: Array, nx: float, ny: float, nz: float, rx: float, ry: float, rz: float, shares: Array) -> None:
-    """Fill the shares of the columns that lie in a face of the zonotope; columns along the same edge of the face get the same share.
+def least_shares(columns: Array, velocity: Array, shares: Array, most: float = math.inf) -> float:
+    """Fill the shares with the least maximum that give a velocity.
 
     Args:
-        columns: (3, 7), as of `least_shares`.
-        nx: x of the face's unit normal.
-        ny: y of it.
-        nz: z of it.
-        rx: x of the rest of the velocity (m/s), which these columns give.
-        ry: y of it.
-        rz: z of it.
-        shares: (7,) of the speed limits, NaN for the columns in the face; these are filled.
+        columns: (3, n) or more rows, of which three are read: m/s of the racket for each joint at its speed limit.
+        velocity: (3,) m/s or more numbers, of which three are read.
+        shares: (n,) of the speed limits; filled.
+        most: Bound, above which the search ends.
+
+    Returns:
+        The least max |share|; inf if the velocity is impossible, or as soon as it is seen to need more than `most`.
     """
-    best, ex, ey, ez = -1.0, 0.0, 0.0, 0.0
-    for i in range(7):
-        if not math.isnan(shares[i]):
-            continue
-        x = ny * columns[2, i] - nz * columns[1, i]
-        y = nz * columns[0, i] - nx * columns[2, i]
-        z = nx * columns[1, i] - ny * columns[0, i]
-        length = math.sqrt(x * x + y * y + z * z)
-        if length < PARALLEL:
-            continue
-        width, ahead = 0.0, (rx * x + ry * y + rz * z) / length
-        for k in range(7):
-            if math.isnan(shares[k]):
-                width += abs(columns[0, k] * x + columns[1, k] * y + columns[2, k] * z) / length
-        ratio = abs(ahead) / width if width > PARALLEL else 0.0
-        if ratio > best:
-            scale = math.copysign(1.0, ahead) / length
-            best, ex, ey, ez = ratio, scale * x, scale * y, scale * z
-    dx, dy, dz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx  # along the edge
-    width, left = 0.0, rx * dx + ry * dy + rz * dz
-    for k in range(7):
-        if math.isnan(shares[k]):
-            height = _component(columns, k, ex, ey, ez)
-            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
-            if height != 0.0:
-                shares[k] = math.copysign(best, height)
-                left -= shares[k] * along
-            else:
-                width += abs(along)
-    for k in range(7):
-        if math.isnan(shares[k]):
-            along = columns[0, k] * dx + columns[1, k] * dy + columns[2, k] * dz
-            shares[k] = math.copysign(left / width, left * along) if width > PARALLEL and abs(along) > PARALLEL else 0.0
+    if columns.shape[1] == 7:  # a constant, so that the compiler unrolls the loops: twice as fast
+        return _least_shares(columns, 7, velocity, shares, most)
+    return _least_shares(columns, columns.shape[1], velocity, shares, most)
 
 
 @njit(cache=True)
-def _largest_share(base: Array, free: Array, x: float, y: float) -> float:
-    """Return max |base_k + free_k . (x, y)| over the joints k."""
+def _largest_share(base: Array, free: Array, y: Array) -> float:
+    """Return max |base_i + free_i . y| over the joints i."""
     most = 0.0
-    for k in range(7):
-        most = max(most, abs(base[k] + free[k, 0] * x + free[k, 1] * y))
+    for i in range(len(base)):
+        share = base[i]
+        for j in range(len(y)):
+            share += free[i, j] * y[j]
+        most = max(most, abs(share))
     return most
 
 
 @njit(cache=True)
-def _corner(base: Array, free: Array, best: float) -> tuple[float, float]:
-    """Return the free shares (x, y) with the least maximum among the points where two shares are +-best.
-
-    Needed where the best triple has two shares alike, so that it does not determine x and y.
-    """
-    least, at_x, at_y = math.inf, 0.0, 0.0
-    for i in range(7):
-        for j in range(i):
-            u = free[i, 0] * free[j, 1] - free[i, 1] * free[j, 0]
-            if abs(u) < PARALLEL:
-                continue
-            for sign in (1.0, -1.0):
-                for other in (1.0, -1.0):
-                    ti, tj = sign * best - base[i], other * best - base[j]
-                    x, y = (ti * free[j, 1] - tj * free[i, 1]) / u, (tj * free[i, 0] - ti * free[j, 0]) / u
-                    most = _largest_share(base, free, x, y)
-                    if most < least:
-                        least, at_x, at_y = most, x, y
-    return at_x, at_y
+def _determinant(free: Array, a: int, b: int, c: int) -> float:
+    """Return the determinant of the first k columns of free (n, k) in the rows a, b and c, of which the first k count."""
+    if free.shape[1] == 1:
+        return free[a, 0]
+    if free.shape[1] == 2:
+        return free[a, 0] * free[b, 1] - free[a, 1] * free[b, 0]
+    return (
+        free[a, 0] * (free[b, 1] * free[c, 2] - free[b, 2] * free[c, 1])
+        - free[a, 1] * (free[b, 0] * free[c, 2] - free[b, 2] * free[c, 0])
+        + free[a, 2] * (free[b, 0] * free[c, 1] - free[b, 1] * free[c, 0])
+    )
 
 
 @njit(cache=True)
-def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
-    """Fill the shares with the least maximum that give a velocity and two turning rates of the face normal.
+def _weights(free: Array, rows: Indices, weights: Array) -> None:
+    """Fill the weights (k + 1,) for which the rows (k + 1,) of free (n, k) add up to zero: minors with alternating signs."""
+    k = free.shape[1]
+    sign, left = 1.0, np.zeros(4, np.int64)
+    for m in range(k + 1):
+        for j in range(k):
+            left[j] = rows[j if j < m else j + 1]
+        weights[m] = sign * _determinant(free, left[0], left[1], left[2])
+        sign = -sign
 
-    Elimination with full pivoting leaves two free shares y: x_k = b_k + f_k . y for each joint k, with `base` b and `free` f. The least
-    maximum m over y is a linear programme in three unknowns (y, m), so at its optimum three of the seven |x_k| are equal to m.
 
-    For three joints i, j, k the weights u_i = f_j x f_k, u_j = f_k x f_i, u_k = f_i x f_j (cross products in the plane) cancel y:
-    u_i x_i + u_j x_j + u_k x_k = u_i b_i + u_j b_j + u_k b_k for every y. Therefore
-    m >= |u_i b_i + u_j b_j + u_k b_k| / (|u_i| + |u_j| + |u_k|), and the largest of these bounds over all triples is m, because a basic
-    solution of the dual programme has at most three weights that are not zero. There x_i = m sign(u_i total), and so on. Two of these
-    three equations, those whose cross product is largest, give y.
+@njit(cache=True)
+def _solve(free: Array, rows: Indices, values: Array, y: Array) -> bool:
+    """Fill y (k,) with free[rows] y = values, by Cramer's rule, for the first k rows; return whether there is a solution."""
+    k = free.shape[1]
+    whole = _determinant(free, rows[0], rows[1], rows[2])
+    if abs(whole) < PARALLEL:
+        return False
+    system = np.empty((3, k))
+    for j in range(k):
+        for i in range(k):
+            for c in range(k):
+                system[i, c] = values[i] if c == j else free[rows[i], c]
+        y[j] = _determinant(system, 0, 1, 2) / whole
+    return True
 
-    Args:
-        rows: (5, 7) of `steady_rows`.
-        wanted: (5,) velocity (m/s) and turning rates (rad/s) that the rows are to give.
-        shares: (7,) of the speed limits; filled.
 
-    Returns:
-        The least max |share|; inf if the rows are dependent.
+@njit(cache=True)
+def _next_subset(rows: Indices, count: int, n: int) -> bool:
+    """Replace rows (count,) by the next increasing subset of 0..n-1; return False after the last one."""
+    i = count - 1
+    while i >= 0 and rows[i] == n - count + i:
+        i -= 1
+    if i < 0:
+        return False
+    rows[i] += 1
+    for j in range(i + 1, count):
+        rows[j] = rows[j - 1] + 1
+    return True
+
+
+@njit(cache=True)
+def _corner(base: Array, free: Array, best: float, y: Array) -> None:
+    """Fill y (k,) with the least maximum among the points where k shares are +-best.
+
+    Needed where the best k + 1 joints have shares alike, so that they do not determine y.
     """
-    a, order, base, free = np.empty((5, 8)), np.arange(7), np.zeros(7), np.zeros((7, 2))
-    a[:, :7], a[:, 7] = rows, wanted
-    for i in range(5):
-        row, column = i, i
-        for r in range(i, 5):
-            for c in range(i, 7):
-                if abs(a[r, c]) > abs(a[row, column]):
-                    row, column = r, c
-        if abs(a[row, column]) < PARALLEL:
-            return math.inf
-        for c in range(8):
-            a[i, c], a[row, c] = a[row, c], a[i, c]
-        for r in range(5):
-            a[r, i], a[r, column] = a[r, column], a[r, i]
-        order[i], order[column] = order[column], order[i]
-        pivot = 1.0 / a[i, i]
-        for c in range(i, 8):
-            a[i, c] *= pivot
-        for r in range(5):
-            if r != i:
-                factor = a[r, i]
-                for c in range(i, 8):
-                    a[r, c] -= factor * a[i, c]
-    for i in range(5):
-        base[i], free[i, 0], free[i, 1] = a[i, 7], -a[i, 5], -a[i, 6]
-    free[5, 0], free[6, 1] = 1.0, 1.0
-    best, u, si, sj, bi, bj = 0.0, 1.0, 0.0, 0.0, 5, 6
-    for i in range(7):
+    n, k = free.shape
+    least, rows, values, trial = math.inf, np.arange(4, dtype=np.int64), np.empty(3), np.empty(k)
+    while True:
+        for signs in range(1 << k):
+            for i in range(k):
+                values[i] = (best if signs >> i & 1 else -best) - base[rows[i]]
+            if _solve(free, rows, values, trial):
+                most = _largest_share(base, free, trial)
+                if most < least:
+                    least = most
+                    y[:] = trial
+        if not _next_subset(rows, k, n):
+            break
+
+
+@njit(cache=True)
+def _least_maximum_of_two(base: Array, free: Array, y: Array) -> float:
+    """Do what `_least_maximum` does for seven joints and k = 2, in a fifth of the time: the compiler unrolls the loops."""
+    n = 7
+    best, u, si, sj, bi, bj = 0.0, 1.0, 0.0, 0.0, n - 2, n - 1
+    for i in range(n):
         for j in range(i):
             uk = free[i, 0] * free[j, 1] - free[i, 1] * free[j, 0]
             for k in range(j):
@@ -230,25 +259,123 @@ def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
                 if total > PARALLEL and abs(most) > best * total:
                     best = abs(most) / total
                     si, sj, sk = math.copysign(1.0, most * ui), math.copysign(1.0, most * uj), math.copysign(1.0, most * uk)
-                    if abs(uk) >= max(abs(ui), abs(uj)):  # two of the three give the free ones: those that are least alike
+                    if abs(uk) >= max(abs(ui), abs(uj)):
                         u, bi, bj = uk, i, j
                     elif abs(ui) >= abs(uj):
                         u, bi, bj, si, sj = ui, j, k, sj, sk
                     else:
                         u, bi, bj, si, sj = uj, k, i, sk, si
     ti, tj = si * best - base[bi], sj * best - base[bj]
-    x, y = (ti * free[bj, 1] - tj * free[bi, 1]) / u, (tj * free[bi, 0] - ti * free[bj, 0]) / u
-    if _largest_share(base, free, x, y) > best * (1.0 + 1e-9):
-        x, y = _corner(base, free, best)
-    for m in range(7):
-        shares[order[m]] = base[m] + free[m, 0] * x + free[m, 1] * y
+    y[0], y[1] = (ti * free[bj, 1] - tj * free[bi, 1]) / u, (tj * free[bi, 0] - ti * free[bj, 0]) / u
+    if _largest_share(base, free, y) > best * (1.0 + 1e-9):
+        _corner(base, free, best, y)
     return best
+
+
+@njit(cache=True)
+def _least_maximum(base: Array, free: Array, y: Array) -> float:
+    """Fill y (k,) for which the largest |base_i + free_i . y| is least, and return it.
+
+    With the largest share m this is a linear programme in k + 1 unknowns (y, m), so at its optimum k + 1 of the n shares are equal to m.
+    For any k + 1 joints there are weights u_i, the minors of free, that cancel y: sum u_i x_i = sum u_i b_i for every y. Therefore
+    m >= |sum u_i b_i| / sum |u_i|, and the largest of these bounds over all such subsets is m, because a basic solution of the dual
+    programme has at most k + 1 weights that are not zero. There x_i = m sign(u_i total). All of these equations but the one with the
+    largest weight, which leaves the best determined system, give y.
+    """
+    n, k = free.shape
+    best = 0.0
+    rows, weights, left, values = np.arange(4, dtype=np.int64), np.empty(4), np.zeros(4, np.int64), np.empty(4)
+    y[:] = 0.0
+    if k == 0:
+        return _largest_share(base, free, y)
+    if k == 2:
+        return _least_maximum_of_two(base, free, y)
+    while True:
+        _weights(free, rows, weights)
+        total, size, drop = 0.0, 0.0, 0
+        for i in range(k + 1):
+            total += weights[i] * base[rows[i]]
+            size += abs(weights[i])
+            drop = i if abs(weights[i]) > abs(weights[drop]) else drop
+        if size > PARALLEL and abs(total) > best * size:
+            best = abs(total) / size
+            for j in range(k):
+                m = j if j < drop else j + 1
+                left[j], values[j] = rows[m], math.copysign(1.0, total * weights[m])
+        if not _next_subset(rows, k + 1, n):
+            break
+    if best > 0.0:
+        for j in range(k):
+            values[j] = values[j] * best - base[left[j]]
+        if not _solve(free, left, values, y) or _largest_share(base, free, y) > best * (1.0 + 1e-9):
+            _corner(base, free, best, y)
+    return best
+
+
+@njit(cache=True, inline="always")
+def _least_shares_steady(rows: Array, n: int, wanted: Array, shares: Array) -> float:
+    """Do what `least_shares_steady` does, for n columns."""
+    a, order, base, free, y = np.empty((5, n + 1)), np.arange(n), np.zeros(n), np.zeros((n, n - 5)), np.empty(n - 5)
+    a[:, :n], a[:, n] = rows, wanted
+    for i in range(5):
+        row, column = i, i
+        for r in range(i, 5):
+            for c in range(i, n):
+                if abs(a[r, c]) > abs(a[row, column]):
+                    row, column = r, c
+        if abs(a[row, column]) < PARALLEL:
+            return math.inf
+        for c in range(n + 1):
+            a[i, c], a[row, c] = a[row, c], a[i, c]
+        for r in range(5):
+            a[r, i], a[r, column] = a[r, column], a[r, i]
+        order[i], order[column] = order[column], order[i]
+        pivot = 1.0 / a[i, i]
+        for c in range(i, n + 1):
+            a[i, c] *= pivot
+        for r in range(5):
+            if r != i:
+                factor = a[r, i]
+                for c in range(i, n + 1):
+                    a[r, c] -= factor * a[i, c]
+    for i in range(5):
+        base[i] = a[i, n]
+        for j in range(n - 5):
+            free[i, j] = -a[i, 5 + j]
+    for j in range(n - 5):
+        free[5 + j, j] = 1.0
+    best = _least_maximum(base, free, y)
+    for m in range(n):
+        shares[order[m]] = base[m]
+        for j in range(n - 5):
+            shares[order[m]] += free[m, j] * y[j]
+    return best
+
+
+@njit(cache=True)
+def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
+    """Fill the shares with the least maximum that give a velocity and two turning rates of the face normal.
+
+    Elimination with full pivoting leaves n - 5 free shares y: x_i = b_i + f_i . y for each joint i, with `base` b and `free` f; see
+    `_least_maximum`.
+
+    Args:
+        rows: (5, n) of `steady_rows`.
+        wanted: (5,) velocity (m/s) and turning rates (rad/s) that the rows are to give.
+        shares: (n,) of the speed limits; filled.
+
+    Returns:
+        The least max |share|; inf if the rows are dependent.
+    """
+    if rows.shape[1] == 7:  # as in `least_shares`
+        return _least_shares_steady(rows, 7, wanted, shares)
+    return _least_shares_steady(rows, rows.shape[1], wanted, shares)
 
 
 @njit(cache=True)
 def steady_rows_into(jacobian: Array, rotation: Array, limits: Array, rows: Array) -> None:
     """Fill what `steady_rows` returns."""
-    for i in range(7):
+    for i in range(rows.shape[1]):
         for k in range(3):
             rows[k, i] = jacobian[k, i] * limits[i]
         for k in range(2):
@@ -261,14 +388,14 @@ def steady_rows(jacobian: Array, rotation: Array, limits: Array) -> Array:
     """Return the rows that map shares of the speed limits to the racket's motion.
 
     Args:
-        jacobian: (6, 7) of `kinematics.forward`.
+        jacobian: (6, n) of `kinematics.forward`.
         rotation: (3, 3) racket to table.
-        limits: (7,) rad/s, speed limits; ones give the rows for joint speeds in rad/s.
+        limits: (n,) rad/s or m/s, speed limits; ones give the rows for joint speeds.
 
     Returns:
-        (5, 7): velocity of the face centre (m/s), and turning rates of its normal about the racket's x and y axes (rad/s).
+        (5, n): velocity of the face centre (m/s), and turning rates of its normal about the racket's x and y axes (rad/s).
     """
-    rows = np.empty((5, 7))
+    rows = np.empty((5, jacobian.shape[1]))
     steady_rows_into(jacobian, rotation, limits, rows)
     return rows
 
@@ -278,12 +405,12 @@ def allocate(model: ArmModel, q: Array, velocity: Array, *, steady: bool = False
 
     Args:
         model: The arm.
-        q: (7,) rad, the posture.
+        q: (n,) rad or m, the posture.
         velocity: (3,) m/s in `table`.
         steady: Whether the face normal must not turn; otherwise its turning is free.
 
     Returns:
-        (7,) rad/s.
+        (n,) rad/s or m/s.
 
     Raises:
         NoJointSpeeds: No joint speeds give this velocity.
@@ -291,7 +418,7 @@ def allocate(model: ArmModel, q: Array, velocity: Array, *, steady: bool = False
         NotFinite: A number is NaN or infinite.
     """
     velocity = check_array("velocity", velocity, (3,)).copy()
-    rows, shares = steady_rows(model.jacobian(q), model.racket(q)[1], np.array(model.speed_limits)), np.empty(7)
+    rows, shares = steady_rows(model.jacobian(q), model.racket(q)[1], np.array(model.speed_limits)), np.empty(len(model.names))
     if steady:
         ratio = least_shares_steady(rows, np.append(velocity, [0.0, 0.0]), shares)
     else:

@@ -1,28 +1,28 @@
-"""How far racket, hand and forearm stay from the table, the floor and the arm itself, on the way and while braking.
+"""How far the racket and the bodies of the arm stay from the table, the floor and each other, on the way and while braking.
 
-The racket is the circle of its rim, hand and forearm are points along their axes with a radius, upper arm and pedestal are capsules.
-Upper arm and forearm meet at an elbow whose limits keep them apart. The radii are those of the URDF's collision elements.
+The racket is the circle of its rim, the bodies are the capsules of `arm_urdf.bodies`. Those that stand still are not compared with table
+and floor, and neighbours are not compared with each other, see `body_pairs`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 from tt_core.constants import FLOOR_Z, TABLE_LENGTH, TABLE_THICKNESS, TABLE_WIDTH
 from tt_core.states import Array
 
-from ..kinematics import Chain, collision_radii, skeleton
+from ..kinematics import Bodies, place_bodies
 from ..trajectory.profiles import evaluate
 
 OBSTACLES = ("the table", "the floor", "itself")
+TABLE_LOW, TABLE_HIGH = (0.0, 0.0, -TABLE_THICKNESS), (TABLE_LENGTH, TABLE_WIDTH, 0.0)  # m
 NEAR = 0.08  # m, within which the racket is its rim and not a sphere around its centre
 AROUND = 12  # points of the rim
 CIRCLE = np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
-FOLDED = -0.5  # cosine between forearm and hand, below which the rim can reach the forearm; above it is 7 cm away
-ALONG = 8  # parts of the forearm; the capsules seen from its points are at most 3 mm nearer
-HANDLE = 4  # of eighths of the way from the wrist to the face centre that are looked at
 MOST_LOOKS = 10_000  # at a path; 30 s of it in steps of 10 ms are 3,000
 HELD = 0.005  # m, kept where a command is held; the guard keeps none, as it looks at every command
 EVERY = 2  # looks at a path, of which one is at what follows from a held command
@@ -30,124 +30,251 @@ HOLDING = 3  # postures looked at while the drive holds the last command, see `b
 BRAKING = 3  # postures looked at while the arm brakes, the last at rest
 
 
+Pairs = npt.NDArray[np.int64]
+
+
+class Places(NamedTuple):
+    """Working memory: where the bodies are."""
+
+    starts: Array  # (m, 3) m, of the capsules
+    ends: Array  # (m, 3) m
+    face: Array  # (3,) m, centre of the racket
+    rotation: Array  # (3, 3) racket to table
+    rim: Array  # (AROUND, 3) m, points of the racket's rim
+
+
+@njit(cache=True)
+def places(count: int) -> Places:
+    """Return working memory for a number of capsules."""
+    return Places(np.empty((count, 3)), np.empty((count, 3)), np.empty(3), np.empty((3, 3)), np.empty((AROUND, 3)))
+
+
 @njit(cache=True)
 def from_table(x: float, y: float, z: float) -> float:
     """Return the distance (m) of a point in `table` to the table top; 0 inside it."""
-    return math.hypot(math.hypot(max(-x, x - TABLE_LENGTH, 0.0), max(-y, y - TABLE_WIDTH, 0.0)), max(z, -TABLE_THICKNESS - z, 0.0))
+    x, y, z = max(-x, x - TABLE_LENGTH, 0.0), max(-y, y - TABLE_WIDTH, 0.0), max(z, -TABLE_THICKNESS - z, 0.0)
+    return math.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True)
-def from_segment(x: float, y: float, z: float, start: Array, end: Array) -> float:
-    """Return the distance (m) of a point to the segment from `start` (3,) to `end` (3,)."""
-    ux, uy, uz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    x, y, z = x - start[0], y - start[1], z - start[2]
-    share = min(1.0, max(0.0, (x * ux + y * uy + z * uz) / (ux * ux + uy * uy + uz * uz)))
+@njit(cache=True, error_model="numpy")
+def from_segment(x: float, y: float, z: float, starts: Array, ends: Array, m: int) -> float:
+    """Return the distance (m) of a point to the segment from starts[m] to ends[m]."""
+    ux, uy, uz = ends[m, 0] - starts[m, 0], ends[m, 1] - starts[m, 1], ends[m, 2] - starts[m, 2]
+    x, y, z = x - starts[m, 0], y - starts[m, 1], z - starts[m, 2]
+    square = ux * ux + uy * uy + uz * uz
+    share = min(1.0, max(0.0, (x * ux + y * uy + z * uz) / square)) if square > 0.0 else 0.0
     x, y, z = x - share * ux, y - share * uy, z - share * uz
     return math.sqrt(x * x + y * y + z * z)
 
 
 @njit(cache=True)
-def clearances(q: Array, chain: Chain) -> tuple[float, float, float]:
+def _slope(t: float, starts: Array, ends: Array, m: int) -> float:
+    """Return half of the derivative by t of the squared distance (m^2) to the table top, at the share t of a segment."""
+    slope = 0.0
+    for k in range(3):
+        way = ends[m, k] - starts[m, k]
+        at = starts[m, k] + t * way
+        slope += way * (min(0.0, at - TABLE_LOW[k]) + max(0.0, at - TABLE_HIGH[k]))
+    return slope
+
+
+@njit(cache=True, error_model="numpy")
+def segment_from_table(starts: Array, ends: Array, m: int) -> float:
+    """Return the distance (m) of the segment from starts[m] to ends[m] to the table top; 0 where it touches it.
+
+    The squared distance is convex along the segment, and a parabola between the points where it crosses a side's plane.
+    """
+    if _slope(0.0, starts, ends, m) >= 0.0:
+        t = 0.0
+    elif _slope(1.0, starts, ends, m) <= 0.0:
+        t = 1.0
+    else:
+        low, high = 0.0, 1.0
+        for k in range(3):
+            way = ends[m, k] - starts[m, k]
+            if abs(way) < 1e-12:
+                continue
+            for side in (TABLE_LOW[k], TABLE_HIGH[k]):
+                t = (side - starts[m, k]) / way
+                if low < t < high:
+                    if _slope(t, starts, ends, m) > 0.0:
+                        high = t
+                    else:
+                        low = t
+        down, up = _slope(low, starts, ends, m), _slope(high, starts, ends, m)
+        t = low - down * (high - low) / (up - down) if up > down else low
+    return from_table(
+        starts[m, 0] + t * (ends[m, 0] - starts[m, 0]),
+        starts[m, 1] + t * (ends[m, 1] - starts[m, 1]),
+        starts[m, 2] + t * (ends[m, 2] - starts[m, 2]),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def between_segments(starts: Array, ends: Array, m: int, other: int) -> float:
+    """Return the distance (m) between the segments m and `other`, each from its start to its end."""
+    a = b = c = d = e = 0.0
+    for k in range(3):
+        u, v, w = ends[m, k] - starts[m, k], ends[other, k] - starts[other, k], starts[m, k] - starts[other, k]
+        a, b, c, d, e = a + u * u, b + u * v, c + v * v, d + u * w, e + v * w
+    whole = a * c - b * b
+    s = min(1.0, max(0.0, (b * e - c * d) / whole)) if whole > 1e-12 * a * c else 0.0
+    t = (b * s + e) / c if c > 0.0 else 0.0
+    if t < 0.0 or t > 1.0 or c == 0.0:  # the other segment's end is nearest
+        t = min(1.0, max(0.0, t))
+        s = min(1.0, max(0.0, (b * t - d) / a)) if a > 0.0 else 0.0
+    square = 0.0
+    for k in range(3):
+        apart = starts[m, k] - starts[other, k] + s * (ends[m, k] - starts[m, k]) - t * (ends[other, k] - starts[other, k])
+        square += apart * apart
+    return math.sqrt(square)
+
+
+@njit(cache=True)
+def bodies_from_table(starts: Array, ends: Array, radii: Array, reaches: Array, first: int, most: float) -> float:
+    """Return the least distance (m) of the capsules from index `first` on to the table, `most` (m) where none is nearer."""
+    for m in range(first, len(radii)):
+        middle = from_table(0.5 * (starts[m, 0] + ends[m, 0]), 0.5 * (starts[m, 1] + ends[m, 1]), 0.5 * (starts[m, 2] + ends[m, 2]))
+        if middle - reaches[m] < most:
+            most = min(most, segment_from_table(starts, ends, m) - radii[m])
+    return most
+
+
+@njit(cache=True)
+def bodies_from_floor(starts: Array, ends: Array, radii: Array, first: int, most: float) -> float:
+    """Return the least distance (m) of the capsules from index `first` on to the floor, `most` (m) where none is nearer."""
+    for m in range(first, len(radii)):
+        most = min(most, min(starts[m, 2], ends[m, 2]) - radii[m] - FLOOR_Z)
+    return most
+
+
+@njit(cache=True)
+def _fill_rim(face: Array, rotation: Array, around: float, rim: Array) -> None:
+    """Fill points (AROUND, 3) m of the rim of a racket with its centre (3,) m, rotation (3, 3) and radius `around` (m)."""
+    for k in range(AROUND):
+        c, s = around * CIRCLE[k, 0], around * CIRCLE[k, 1]
+        for j in range(3):
+            rim[k, j] = face[j] + c * rotation[j, 0] + s * rotation[j, 1]
+
+
+@njit(cache=True)
+def bodies_from_each_other(starts: Array, ends: Array, radii: Array, reaches: Array, pairs: Pairs, most: float) -> float:
+    """Return the least distance (m) of the pairs of capsules, `most` (m) where none is nearer."""
+    for p in range(len(pairs)):
+        m, other = pairs[p, 0], pairs[p, 1]
+        if other < 0:
+            continue
+        square, bound = 0.0, most + reaches[m] + reaches[other]
+        for k in range(3):
+            apart = 0.5 * (starts[m, k] + ends[m, k] - starts[other, k] - ends[other, k])
+            square += apart * apart
+        if bound > 0.0 and square < bound * bound:
+            most = min(most, between_segments(starts, ends, m, other) - radii[m] - radii[other])
+    return most
+
+
+@njit(cache=True, inline="always")
+def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, float]:
+    """Return what `clearances` does."""
+    starts, ends, face, rotation, rim = at
+    radii, reaches, owners, pairs, around = bodies.radii, bodies.reaches, bodies.owners, bodies.pairs, bodies.rim
+    place_bodies(q, bodies, starts, ends, face, rotation)
+    first, filled = 0, False
+    while first < len(owners) and owners[first] < 0:  # these stand still
+        first += 1
+    table = from_table(face[0], face[1], face[2]) - around
+    if table < NEAR:
+        _fill_rim(face, rotation, around, rim)
+        table, filled = math.inf, True
+        for k in range(AROUND):
+            table = min(table, from_table(rim[k, 0], rim[k, 1], rim[k, 2]))
+    table = bodies_from_table(starts, ends, radii, reaches, first, table)
+    floor = bodies_from_floor(starts, ends, radii, first, face[2] - FLOOR_Z - around)
+    itself = math.inf
+    for p in range(len(pairs)):
+        m = pairs[p, 0]
+        if pairs[p, 1] < 0:
+            left = from_segment(face[0], face[1], face[2], starts, ends, m) - radii[m] - around
+            if left < min(itself, NEAR):
+                if not filled:
+                    _fill_rim(face, rotation, around, rim)
+                left, filled = math.inf, True
+                for k in range(AROUND):
+                    left = min(left, from_segment(rim[k, 0], rim[k, 1], rim[k, 2], starts, ends, m) - radii[m])
+            itself = min(itself, left)
+    return table, floor, bodies_from_each_other(starts, ends, radii, reaches, pairs, itself)
+
+
+@njit(cache=True)
+def clearances(q: Array, bodies: Bodies) -> tuple[float, float, float]:
     """Compute the least distance of a posture to each of OBSTACLES.
 
     Args:
-        q: (7,) rad.
-        chain: The geometry.
+        q: (n,) rad or m.
+        bodies: Of the arm.
 
     Returns:
         m; a value that is not positive is a touch. Beyond NEAR the values are too small, by twice the racket's radius at most.
     """
-    points, rotation, radii = np.empty((5, 3)), np.empty((3, 3)), collision_radii(chain)
-    rim, forearm, upper_arm, pedestal = radii.racket, radii.forearm, radii.upper_arm, radii.pedestal
-    folded = skeleton(q, chain, points, rotation) < FOLDED
-    shoulder, elbow, wrist, face, foot = points[0], points[1], points[2], points[3], points[4]
-    base = chain.base_position
-    foot[0], foot[1], foot[2] = base[0], base[1], min(FLOOR_Z, base[2])
-    x, y, z = face[0], face[1], face[2]
-    table, floor = from_table(x, y, z) - rim, z - FLOOR_Z - rim
-    itself = min(from_segment(x, y, z, shoulder, elbow) - upper_arm, from_segment(x, y, z, foot, shoulder) - pedestal) - rim
-    if folded:
-        itself = min(itself, from_segment(x, y, z, elbow, wrist) - forearm - rim)
-    if min(table, itself) < NEAR:
-        table, itself = np.inf, np.inf
-        for k in range(AROUND):
-            c, s = rim * CIRCLE[k, 0], rim * CIRCLE[k, 1]
-            x = face[0] + c * rotation[0, 0] + s * rotation[0, 1]
-            y = face[1] + c * rotation[1, 0] + s * rotation[1, 1]
-            z = face[2] + c * rotation[2, 0] + s * rotation[2, 1]
-            table = min(table, from_table(x, y, z))
-            itself = min(itself, from_segment(x, y, z, shoulder, elbow) - upper_arm, from_segment(x, y, z, foot, shoulder) - pedestal)
-            if folded:
-                itself = min(itself, from_segment(x, y, z, elbow, wrist) - forearm)
-    for k in range(ALONG + HANDLE):
-        if k <= ALONG:
-            start, end, share = elbow, wrist, k / ALONG
-        else:
-            start, end, share = wrist, face, (k - ALONG) / 8.0
-        x, y, z = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]), start[2] + share * (end[2] - start[2])
-        table, floor = min(table, from_table(x, y, z) - forearm), min(floor, z - FLOOR_Z - forearm)
-        if k >= ALONG:
-            itself = min(itself, from_segment(x, y, z, shoulder, elbow) - upper_arm - forearm)
-        itself = min(itself, from_segment(x, y, z, foot, shoulder) - pedestal - forearm)
-    return table, floor, itself
+    return _clearances(q, bodies, places(len(bodies.owners)))
 
 
-@njit(cache=True)
-def clearance(q: Array, chain: Chain) -> tuple[float, int]:
-    """Return the least of `clearances` (m), and the index in OBSTACLES of what is nearest."""
-    table, floor, itself = clearances(q, chain)
+@njit(cache=True, inline="always")
+def _clearance(q: Array, bodies: Bodies, at: Places) -> tuple[float, int]:
+    """Return what `clearance` does."""
+    table, floor, itself = _clearances(q, bodies, at)
     if table <= floor and table <= itself:
         return table, 0
     return (floor, 1) if floor <= itself else (itself, 2)
 
 
 @njit(cache=True)
-def braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, chain: Chain) -> tuple[float, int]:
-    """Compute the least clearance on the way to rest. HOLDING and BRAKING postures are looked at.
+def clearance(q: Array, bodies: Bodies) -> tuple[float, int]:
+    """Return the least of `clearances` (m), and the index in OBSTACLES of what is nearest."""
+    return _clearance(q, bodies, places(len(bodies.owners)))
 
-    Args:
-        q: (7,) rad.
-        qdot: (7,) rad/s.
-        braking: (7,) rad/s^2, at which each joint brakes.
-        hold: s, for which each joint keeps its speed first.
-        chain: The geometry.
 
-    Returns:
-        m, and the index in OBSTACLES of what is nearest.
-    """
-    longest, posture, least, what = 0.0, np.empty(7), np.inf, 0
-    for i in range(7):
+@njit(cache=True)
+def _braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies: Bodies, at: Places) -> tuple[float, int]:
+    """Return what `braking_clearance` does."""
+    n = len(q)
+    longest, posture, least, what = 0.0, np.empty(n), np.inf, 0
+    for i in range(n):
         longest = max(longest, abs(qdot[i]) / braking[i])
     held = HOLDING if hold > 0.0 else 0
     for k in range(1, held + BRAKING + 1):
-        for i in range(7):
+        for i in range(n):
             if k <= held:
                 posture[i] = q[i] + hold * k / held * qdot[i]
             else:
                 t = min(longest * (k - held) / BRAKING, abs(qdot[i]) / braking[i])
                 posture[i] = q[i] + hold * qdot[i] + t * (qdot[i] - 0.5 * t * math.copysign(braking[i], qdot[i]))
-        left, near = clearance(posture, chain)
+        left, near = _clearance(posture, bodies, at)
         if left < least:
             least, what = left, near
     return least, what
 
 
 @njit(cache=True)
-def levers(chain: Chain) -> Array:
-    """Return for each joint the largest distance (7,) m of any point of racket, hand and forearm from its axis."""
-    lengths, beyond, rim = chain.lengths, chain.mount_position, collision_radii(chain).racket
-    aside = math.hypot(beyond[0], beyond[1])
-    hand = math.hypot(aside, lengths[3] + beyond[2]) + rim
-    out = np.full(7, hand)
-    out[:4] += lengths[2]
-    out[:2] += lengths[1]
-    out[6] = aside + rim
-    return out
+def braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies: Bodies) -> tuple[float, int]:
+    """Compute the least clearance on the way to rest. HOLDING and BRAKING postures are looked at.
+
+    Args:
+        q: (n,) rad.
+        qdot: (n,) rad/s.
+        braking: (n,) rad/s^2, at which each joint brakes.
+        hold: s, for which each joint keeps its speed first.
+        bodies: Of the arm.
+
+    Returns:
+        m, and the index in OBSTACLES of what is nearest.
+    """
+    return _braking_clearance(q, qdot, braking, hold, bodies, places(len(bodies.owners)))
 
 
 @njit(cache=True, nogil=True)
 def path_clearance(
-    end: float, step: float, braking: Array, hold: float, enough: float, knots: Array, coefficients: Array, chain: Chain
+    end: float, step: float, braking: Array, hold: float, enough: float, knots: Array, coefficients: Array, bodies: Bodies
 ) -> tuple[float, int]:
     """Compute the least clearance on a path and while braking from anywhere on it, at once or after the drive has held its speed.
 
@@ -157,38 +284,39 @@ def path_clearance(
     Args:
         end: s, until which the path is looked at.
         step: s, least time between two looks.
-        braking: (7,) rad/s^2, acceleration limit of each joint, at which it also brakes.
+        braking: (n,) rad/s^2, acceleration limit of each joint, at which it also brakes.
         hold: s, for which a drive may hold its speed.
         enough: m, below which the search ends.
-        knots: (7, n) of the path, see `profiles`.
-        coefficients: (7, n, 6) of the path.
-        chain: The geometry.
+        knots: (joints, n) of the path, see `profiles`.
+        coefficients: (joints, n, 6) of the path.
+        bodies: Of the arm.
 
     Returns:
         m, and the index in OBSTACLES of what is nearest; -inf for a path that is too long to be looked at, or not finite.
     """
-    q, qdot, qddot, least, what, lever = np.empty(7), np.empty(7), np.empty(7), np.inf, 0, levers(chain)
+    n, lever, least, what = len(braking), bodies.levers, np.inf, 0
+    q, qdot, qddot, at = np.empty(n), np.empty(n), np.empty(n), places(len(bodies.owners))
     rise = 0.0  # m/s^2, at which the speed of any point changes at most
-    for i in range(7):
+    for i in range(n):
         rise += braking[i] * lever[i]
     time, last = 0.0, False
     for look in range(MOST_LOOKS):
         last = time >= end
         evaluate(min(end, time), knots, coefficients, q, qdot, qddot)
-        left, near = clearance(q, chain)
+        left, near = _clearance(q, bodies, at)
         if math.isnan(left):
             return -np.inf, near
         moves, speed = 0.0, 0.0  # m, by which braking moves any point at most; m/s, of any point at most
-        for i in range(7):
+        for i in range(n):
             moves += lever[i] * (abs(qdot[i]) * hold + qdot[i] ** 2 / (2.0 * braking[i]))
             speed += lever[i] * abs(qdot[i])
         room = left - moves - enough  # falls by 2 speed at most: half of it for the way, half for braking
         if room < 0.0 and moves > 0.0:
-            braked, obstacle = braking_clearance(q, qdot, braking, 0.0, chain)
+            braked, obstacle = _braking_clearance(q, qdot, braking, 0.0, bodies, at)
             if braked < left:
                 left, near = braked, obstacle
             if hold > 0.0 and look % EVERY == 0:  # only a touch counts: a command is held only if the process fails
-                braked, obstacle = braking_clearance(q, qdot, braking, hold, chain)
+                braked, obstacle = _braking_clearance(q, qdot, braking, hold, bodies, at)
                 if braked - HELD + enough < left:
                     left, near = braked - HELD + enough, obstacle
         if left < least:

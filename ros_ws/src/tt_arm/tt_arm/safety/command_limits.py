@@ -22,8 +22,8 @@ def speed_for_room(room: float, hold: float, braking: float) -> float:
 
 @njit(cache=True)
 def clip_to_room(q: Array, hold: float, limits: JointBounds, braking: Array, command: Array) -> None:
-    """Cut a command (7,) rad/s, in place, to what can brake before the position limits; see `limit_command`."""
-    for i in range(7):
+    """Cut a command (n,) rad/s, in place, to what can brake before the position limits; see `limit_command`."""
+    for i in range(len(q)):
         down, up = speed_for_room(q[i] - limits[i].low, hold, braking[i]), speed_for_room(limits[i].high - q[i], hold, braking[i])
         command[i] = min(max(command[i], -down), up)
 
@@ -35,20 +35,20 @@ def limit_command(
     """Fill the command that may leave. Room to brake comes before smoothness.
 
     Args:
-        q: (7,) rad, as measured.
-        wanted: (7,) rad/s.
-        last: (7,) rad/s, the last command.
+        q: (n,) rad, as measured.
+        wanted: (n,) rad/s.
+        last: (n,) rad/s, the last command.
         passed: s, since the last command.
         hold: s, for which the command may last, before the joints brake.
         limits: Positions with the margin kept, speeds, and accelerations at which commands may change.
-        braking: (7,) rad/s^2, at which each joint brakes.
-        allowed: (7,) rad/s; filled.
+        braking: (n,) rad/s^2, at which each joint brakes.
+        allowed: (n,) rad/s; filled.
 
     Returns:
         UNCUT, SPEED, POSITION or ACCELERATION: the first limit that makes any joint's command another one.
     """
     faster, further, cut = False, False, False
-    for i in range(7):
+    for i in range(len(q)):
         speed, step = limits[i].speed, limits[i].acceleration * passed
         down, up = speed_for_room(q[i] - limits[i].low, hold, braking[i]), speed_for_room(limits[i].high - q[i], hold, braking[i])
         slow = min(max(wanted[i], -speed), speed)
@@ -63,5 +63,5 @@ def limit_command(
 
 
 def cut_joints(allowed: Array, wanted: Array) -> Array:
-    """Return for each joint (7,) whether its command was cut."""
+    """Return for each joint (n,) whether its command was cut."""
     return np.asarray(np.abs(allowed - wanted) > SAME)

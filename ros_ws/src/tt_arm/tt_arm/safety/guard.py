@@ -69,14 +69,14 @@ class GuardParams:
 
     def of_joints(self, model: ArmModel, speed_scale: float = 1.0) -> JointLimits:
         """Return the limits that commands must keep; the acceleration is that of a change of the command."""
-        return model.limits.reduced(speed=speed_scale, margin=self.margin, acceleration=self.acceleration)
+        return model.limits.reduced(speed=speed_scale, margin=self.margin).with_acceleration(self.acceleration)
 
 
 class Guard:
     """Cut commands to what is safe.
 
     Attributes:
-        braking: (7,) rad/s^2, at which each joint brakes in a stop: the acceleration limit of swings, with which clearance is computed.
+        braking: (n,) rad/s^2, at which each joint brakes in a stop: the acceleration limit of swings, with which clearance is computed.
         command_timeout: s, for which the drives hold a command.
         hold: s, for which a command may act.
         latched: None, or why only a stop leaves until `reset`.
@@ -120,11 +120,11 @@ class Guard:
 
     @property
     def last(self) -> Array:
-        """Return the last command (7,) rad/s."""
+        """Return the last command (n,) rad/s."""
         return self._last
 
     def begin_from(self, qdot: Array) -> None:
-        """Take the measured speeds qdot (7,) rad/s for the last command, after a time in which the arm did not follow commands."""
+        """Take the measured speeds qdot (n,) rad/s for the last command, after a time in which the arm did not follow commands."""
         speed = self._model.speed_limits
         self._last, self._time = np.clip(qdot, -speed, speed), None
         self._sent.clear()
@@ -152,11 +152,11 @@ class Guard:
     def check(
         self, joints: Joints, command: Array, now: float, planned: float | None = None, age: float = 0.0
     ) -> tuple[Array, Failure | None]:
-        """Return the command (7,) rad/s that may leave, and why it is another one, if it is.
+        """Return the command (n,) rad/s that may leave, and why it is another one, if it is.
 
         Args:
             joints: As measured, accepted by `JointStateCheck`.
-            command: (7,) rad/s, as wanted.
+            command: (n,) rad/s, as wanted.
             now: s, monotonic.
             planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
             age: s, of `joints`: the arm has moved on since, by the commands that were sent.
@@ -180,7 +180,7 @@ class Guard:
         return allowed, Failure(CUTS[cut], joints=", ".join(names))
 
     def stop(self, now: float, joints: Joints | None = None, age: float = 0.0) -> Array:
-        """Return the next command (7,) rad/s of a controlled stop, zero at the end.
+        """Return the next command (n,) rad/s of a controlled stop, zero at the end.
 
         Where no command has left for long, the drive still holds the last one until its own timeout, and brakes by itself from then on.
         The stop begins from that speed.
@@ -206,7 +206,7 @@ class Guard:
         return command
 
     def latch(self, failure: Failure, now: float) -> Array:
-        """Stop, and go on stopping until `reset`; return the next command (7,) rad/s."""
+        """Stop, and go on stopping until `reset`; return the next command (n,) rad/s."""
         self.latched = self.latched or failure
         return self.stop(now)
 
@@ -216,10 +216,11 @@ class Guard:
         outside, share = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(outside.argmax()), int(share.argmax())
         if outside[i] > params.tolerance:
-            return Failure(ArmStop.BEYOND_LIMIT, joint=names[i], value=float(outside[i]), bound=params.tolerance)
+            unit = self._model.limits.units[i]
+            return Failure(ArmStop.BEYOND_LIMIT, joint=names[i], unit=unit, value=float(outside[i]), bound=params.tolerance)
         if share[k] > params.overspeed:
             return Failure(ArmStop.OVERSPEED, joint=names[k], value=float(share[k]), bound=params.overspeed)
-        left, what = clearance(joints.q, self._model.chain)
+        left, what = clearance(joints.q, self._model.bodies)
         return Failure(ArmStop.CONTACT, obstacle=OBSTACLES[what]) if left <= 0.0 else None
 
     def _note(self, command: Array, now: float, *, is_stop: bool) -> None:
@@ -228,7 +229,7 @@ class Guard:
         self._sent.append((now, command))
 
     def _place(self, now: float, joints: Joints | None, age: float) -> Array | None:
-        """Return the positions (7,) rad to which the commands since the last measurement have brought the joints; None if that is long ago.
+        """Return the positions (n,) rad to which the commands since the last measurement have brought the joints; None if that is long ago.
 
         Args:
             now: s, monotonic.
@@ -251,7 +252,7 @@ class Guard:
     def _clear_of_all(self, q: Array, command: Array) -> Array:
         """Return the largest share of a command which the drives may hold and then brake from without touching anything."""
         for share in (1.0, 0.75, 0.5, 0.25):
-            if braking_clearance(q, share * command, self.braking, self.command_timeout, self._model.chain)[0] > 0.0:
+            if braking_clearance(q, share * command, self.braking, self.command_timeout, self._model.bodies)[0] > 0.0:
                 return share * command
         return np.zeros(len(q))
 
@@ -260,12 +261,12 @@ class Guard:
 
         It is allowed if the arm is nearer to it now.
         """
-        chain, bound = self._model.chain, self.params.clearance
-        left, what = braking_clearance(q, command, self.braking, 0.0, chain)
-        held, held_what = braking_clearance(q, command, self.braking, self.hold, chain)
+        bodies, bound = self._model.bodies, self.params.clearance
+        left, what = braking_clearance(q, command, self.braking, 0.0, bodies)
+        held, held_what = braking_clearance(q, command, self.braking, self.hold, bodies)
         if held <= 0.0 or held + bound < left:  # only a touch counts: a command is held only if the process fails
             left, what = (0.0 if held <= 0.0 else held + bound), held_what
-        if left >= bound or left > clearance(q, chain)[0]:
+        if left >= bound or left > clearance(q, bodies)[0]:
             return None
         return Failure(ArmStop.NEAR, left=max(0.0, left), obstacle=OBSTACLES[what], bound=bound)
 

@@ -19,9 +19,9 @@ from ..joints import Joints
 from ..model import ArmModel
 from .stops import ArmStop
 
-BEYOND = 1.0  # rad beyond a position limit, above which a number is no position of this joint; the mechanical stops are nearer
+BEYOND = 1.0  # rad or m beyond a position limit, above which a number is no position of this joint; the mechanical stops are nearer
 TIMES = 10.0  # speed limits, above which a number is no speed of this joint
-JUMP = 0.02  # rad, by which noise may make two positions differ beyond what the speed limits allow
+JUMP = 0.02  # rad or m, by which noise may make two positions differ beyond what the speed limits allow
 LONGEST_DEADLINE = 0.3  # s, whatever the period of the joint states
 WINDOW = 15  # joint states whose median distance is their period
 
@@ -112,13 +112,13 @@ class JointStateCheck:
 
     def _impossible(self, joints: Joints) -> Failure | None:
         """Return why no intact sensor of this arm can have measured this, or None."""
-        (low, high), names = self._model.position_limits.T, self._model.names
+        (low, high), names, units = self._model.position_limits.T, self._model.names, self._model.limits.units
         beyond, shares = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(beyond.argmax()), int(shares.argmax())
         if beyond[i] > BEYOND:
-            return Failure(ArmStop.NO_POSTURE, joint=names[i], value=float(joints.q[i]), beyond=float(beyond[i]))
+            return Failure(ArmStop.NO_POSTURE, joint=names[i], unit=units[i], value=float(joints.q[i]), beyond=float(beyond[i]))
         if shares[k] > TIMES:
-            return Failure(ArmStop.NO_SPEED, joint=names[k], value=float(joints.qdot[k]), share=float(shares[k]))
+            return Failure(ArmStop.NO_SPEED, joint=names[k], unit=units[k], value=float(joints.qdot[k]), share=float(shares[k]))
         return None
 
     def _untimely(self, joints: Joints, clock: float | None) -> Failure | None:
@@ -142,8 +142,8 @@ class JointStateCheck:
         moved, possible = np.abs(joints.q - last.q), self.params.overspeed * self._model.speed_limits * passed + JUMP
         i = int((moved - possible).argmax())
         if moved[i] > possible[i]:
-            name = self._model.names[i]
-            return Failure(ArmStop.JUMP, joint=name, value=float(moved[i]), passed=passed, bound=float(possible[i]))
+            name, unit = self._model.names[i], self._model.limits.units[i]
+            return Failure(ArmStop.JUMP, joint=name, unit=unit, value=float(moved[i]), passed=passed, bound=float(possible[i]))
         return None
 
     def _differentiated(self, joints: Joints) -> Joints:

@@ -16,13 +16,13 @@ class ArmStop(Enum):
     OLD = "joint state is {age:.3f} s old, at most {bound:g} s allowed"
     AHEAD = "joint state is stamped {age:.3f} s ahead of the clock, at most {bound:g} s allowed"
     NOT_NEWER = "joint state is not newer than the one before: stamp {stamp:.6f} s after {last:.6f} s"
-    NO_POSTURE = "joint {joint} at {value:g} rad is {beyond:g} rad beyond its limit, no posture of this arm"
-    NO_SPEED = "joint {joint} at {value:g} rad/s is {share:g} times its speed limit, no speed of this arm"
-    JUMP = "joint {joint} jumped by {value:g} rad in {passed:.4f} s, at most {bound:g} rad possible"
+    NO_POSTURE = "joint {joint} at {value:g} {unit} is {beyond:g} {unit} beyond its limit, no posture of this arm"
+    NO_SPEED = "joint {joint} at {value:g} {unit}/s is {share:g} times its speed limit, no speed of this arm"
+    JUMP = "joint {joint} jumped by {value:g} {unit} in {passed:.4f} s, at most {bound:g} {unit} possible"
     # other nodes on the arm's topics
     SECOND_PUBLISHER = "{count} publishers on {topic} ({names}), 1 allowed"
     # these latch: damage, or a person has to look
-    BEYOND_LIMIT = "joint {joint} is {value:.3f} rad beyond its limit, at most {bound:g} rad tolerated"
+    BEYOND_LIMIT = "joint {joint} is {value:.3f} {unit} beyond its limit, at most {bound:g} {unit} tolerated"
     OVERSPEED = "joint {joint} moves at {value:.2f} times its speed limit, at most {bound:g} tolerated"
     CONTACT = "the arm touches {obstacle}"
     INTERNAL = "internal error: {error}"

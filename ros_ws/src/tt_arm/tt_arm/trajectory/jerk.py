@@ -21,14 +21,15 @@ def shortest_leg(leg: Leg, limits: JointBounds, time: float = 0.0) -> Trajectory
     Returns:
         The leg, or None if there is none.
     """
-    given, found = InputParameter(7), Trajectory(7)
+    n = len(leg)
+    given, found = InputParameter(n), Trajectory(n)
     given.current_position, given.current_velocity, given.current_acceleration = leg["q0"].tolist(), leg["v0"].tolist(), leg["a0"].tolist()
-    given.target_position, given.target_velocity, given.target_acceleration = leg["q1"].tolist(), leg["v1"].tolist(), [0.0] * 7
+    given.target_position, given.target_velocity, given.target_acceleration = leg["q1"].tolist(), leg["v1"].tolist(), [0.0] * n
     given.max_velocity, given.max_acceleration = limits["speed"].tolist(), limits["acceleration"].tolist()
     given.max_jerk = limits["jerk"].tolist()
     if time > 0.0:
         given.minimum_duration = time
-    done = Ruckig(7).calculate(given, found)
+    done = Ruckig(n).calculate(given, found)
     return found if done in (Result.Working, Result.Finished) else None
 
 

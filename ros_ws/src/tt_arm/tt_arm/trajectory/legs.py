@@ -37,7 +37,7 @@ SHORTEST, LONGEST = 1e-6, 10.0  # s, legs that are tried
 HALVINGS = 20  # of STEP, to 1e-9 s
 
 
-Leg = npt.NDArray[np.void]  # (7,) of LEG: the start (0) and the end (1) of each joint; it ends without acceleration
+Leg = npt.NDArray[np.void]  # (n,) of LEG: the start (0) and the end (1) of each joint; it ends without acceleration
 LEG = np.dtype(
     [
         ("q0", np.float64),  # rad
@@ -52,14 +52,14 @@ LEG = np.dtype(
 class Pieces(NamedTuple):
     """The polynomials of a path that is being built."""
 
-    knots: Array  # (7, n) s since the start of the path, padded with inf
-    coefficients: Array  # (7, n, 6) in s since the knot, lowest power first
-    counts: npt.NDArray[np.int64]  # (7,) polynomials of each joint so far
+    knots: Array  # (joints, n) s since the start of the path, padded with inf
+    coefficients: Array  # (joints, n, 6) in s since the knot, lowest power first
+    counts: npt.NDArray[np.int64]  # (n,) polynomials of each joint so far
 
 
 def make_leg(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> Leg:
-    """Return a leg from start (0) to end (1), each (7,) in rad, rad/s, rad/s^2."""
-    leg = np.empty(7, LEG)
+    """Return a leg from start (0) to end (1), each (n,) in rad, rad/s, rad/s^2."""
+    leg = np.empty(len(q0), LEG)
     leg["q0"], leg["v0"], leg["a0"], leg["q1"], leg["v1"] = q0, v0, a0, q1, v1
     return leg
 
@@ -79,7 +79,7 @@ def _bounds(limits: JointBounds, i: int) -> Bounds:
 @njit(cache=True, nogil=True)
 def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bool:
     """Return whether a leg of `time` (s) keeps the limits of speed, acceleration and jerk in all joints."""
-    for i in range(7):
+    for i in range(len(leg)):
         ends, bounds = _ends(leg, i), _bounds(limits, i)
         if kind == POLYLINE:
             possible = is_possible(time, ends.q1 - ends.q0, ends.v0, ends.v1, bounds.speed, bounds.acceleration)
@@ -95,7 +95,7 @@ def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bo
 def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> float:
     """Return the shortest duration (s) of a leg, at least `time`, that keeps the limits in all joints; inf if none below LONGEST does."""
     time = max(time, SHORTEST)
-    for i in range(7):
+    for i in range(len(leg)):
         ends, bounds = _ends(leg, i), _bounds(limits, i)
         time = max(time, least_time(ends.q1 - ends.q0, ends.v0, ends.v1, bounds.speed, bounds.acceleration))
     if leg_is_possible(time, leg, limits, kind):
@@ -118,7 +118,7 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
 def append_leg(begin: float, time: float, leg: Leg, limits: JointBounds, kind: int, path: Pieces) -> None:
     """Append a leg of `time` (s) that begins `begin` (s) after the start of the path. It must be possible."""
     all_knots, all_coefficients, counts = path
-    for i in range(7):
+    for i in range(len(leg)):
         n = counts[i]
         knots, coefficients = all_knots[i, n:], all_coefficients[i, n:]
         ends, bounds = _ends(leg, i), _bounds(limits, i)
@@ -134,9 +134,9 @@ def append_leg(begin: float, time: float, leg: Leg, limits: JointBounds, kind: i
 
 @njit(cache=True)
 def append_rest(begin: float, q: Array, path: Pieces) -> None:
-    """Append rest at q (7,) rad from `begin` (s) on."""
+    """Append rest at q (n,) rad from `begin` (s) on."""
     knots, coefficients, counts = path
-    for i in range(7):
+    for i in range(len(q)):
         knots[i, counts[i]] = begin
         coefficients[i, counts[i], 0] = q[i]
         counts[i] += 1

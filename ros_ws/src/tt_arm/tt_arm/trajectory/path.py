@@ -45,7 +45,8 @@ class Path:
             profile: One of PROFILES.
         """
         self.duration = 0.0
-        self.pieces = Pieces(np.full((7, PIECES), np.inf), np.zeros((7, PIECES, 6)), np.zeros(7, np.int64))
+        n = len(limits)
+        self.pieces = Pieces(np.full((n, PIECES), np.inf), np.zeros((n, PIECES, 6)), np.zeros(n, np.int64))
         self._limits, self._kind = limits, PROFILES.index(profile)
 
     def shortest_time(self, time: float, leg: Leg) -> float:
@@ -62,7 +63,7 @@ class Path:
         return self.shortest_time(time, leg) <= time + SAME
 
     def rest(self, q: Array, time: float) -> None:
-        """Append rest at q (7,) rad for `time` (s)."""
+        """Append rest at q (n,) rad for `time` (s)."""
         append_rest(self.duration, q, self.pieces)
         self.duration += time
 

@@ -22,7 +22,7 @@ SLACK = 2e-3  # relative, for rounding
 
 
 class Extremes(NamedTuple):
-    """The extremes of a path, (7,) each."""
+    """The extremes of a path, (n,) each."""
 
     low: Array  # rad, lowest position
     high: Array  # rad, highest position
@@ -39,17 +39,18 @@ def extremes(end: float, braking: Array, hold: float, knots: Array, coefficients
 
     Args:
         end: s, until which the path is sampled.
-        braking: (7,) rad/s^2, at which each joint brakes.
+        braking: (n,) rad/s^2, at which each joint brakes.
         hold: s, for which a drive may hold a command.
-        knots: (7, n) of the path, see `profiles`.
-        coefficients: (7, n, 6) of the path.
+        knots: (joints, n) of the path, see `profiles`.
+        coefficients: (joints, n, 6) of the path.
     """
-    low, high, speed, acceleration, jerk = np.full(7, np.inf), np.full(7, -np.inf), np.zeros(7), np.zeros(7), np.zeros(7)
-    held_low, held_high = np.full(7, np.inf), np.full(7, -np.inf)
-    q, qdot, qddot, before = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
+    n = len(braking)
+    low, high, speed, acceleration, jerk = np.full(n, np.inf), np.full(n, -np.inf), np.zeros(n), np.zeros(n), np.zeros(n)
+    held_low, held_high = np.full(n, np.inf), np.full(n, -np.inf)
+    q, qdot, qddot, before = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for k in range(int(end / STEP) + 2):
         evaluate(min(end, k * STEP), knots, coefficients, q, qdot, qddot)
-        for i in range(7):
+        for i in range(n):
             low[i], high[i] = min(low[i], q[i]), max(high[i], q[i])
             stop = q[i] + hold * qdot[i] + 0.5 * qdot[i] * abs(qdot[i]) / braking[i]
             held_low[i], held_high[i] = min(held_low[i], stop), max(held_high[i], stop)
@@ -89,7 +90,7 @@ def path_failure(path: Path, model: ArmModel, limits: SwingLimits) -> Failure | 
     for code, share in shares.items():
         if share.max() > 1.0 + SLACK:
             return Failure(code, joint=names[int(share.argmax())], share=float(share.max()))
-    left, what = path_clearance(end, COARSE, braking, hold, limits.clearance, *polynomials, model.chain)
+    left, what = path_clearance(end, COARSE, braking, hold, limits.clearance, *polynomials, model.bodies)
     if left < limits.clearance:
         return Failure(SwingFailure.CLEARANCE, distance=max(0.0, left), obstacle=OBSTACLES[what])
     torque = torque_shares(model, end, 2.0 * COARSE, *polynomials)

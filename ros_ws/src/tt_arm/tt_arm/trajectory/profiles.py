@@ -264,11 +264,11 @@ def evaluate(t: float, knots: Array, coefficients: Array, q: Array, qdot: Array,
 
     Args:
         t: s since the start of the path.
-        knots: (7, n) s, padded with inf.
-        coefficients: (7, n, 6).
-        q: (7,) rad; filled.
-        qdot: (7,) rad/s; filled.
-        qddot: (7,) rad/s^2; filled.
+        knots: (joints, n) s, padded with inf.
+        coefficients: (joints, n, 6).
+        q: (n,) rad; filled.
+        qdot: (n,) rad/s; filled.
+        qddot: (n,) rad/s^2; filled.
     """
     for i in range(knots.shape[0]):
         n = 0

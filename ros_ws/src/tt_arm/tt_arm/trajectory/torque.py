@@ -9,18 +9,20 @@ from numba import njit
 from tt_core.states import Array
 
 from ..dynamics import Links, joint_torques
+from ..kinematics import Chain
 from ..model import ArmModel
 from .profiles import evaluate
 
 
 @njit(cache=True, nogil=True)
-def largest_torques(end: float, step: float, knots: Array, coefficients: Array, links: Links) -> Array:
-    """Return the largest torque of each joint on a path, (7,) N m, both ways; see `torque_shares`."""
-    q, qdot, qddot, torque, most, wrenches = np.empty(7), np.empty(7), np.empty(7), np.empty(7), np.zeros(7), np.empty((7, 6))
-    for n in range(math.ceil(end / step) + 1):
-        evaluate(min(end, n * step), knots, coefficients, q, qdot, qddot)
-        joint_torques(q, qdot, qddot, links, torque, wrenches)
-        for i in range(7):
+def largest_torques(end: float, step: float, knots: Array, coefficients: Array, chain: Chain, links: Links) -> Array:
+    """Return the largest torque of each joint on a path, (n,) N m or N, both ways; see `torque_shares`."""
+    n = len(knots)
+    q, qdot, qddot, torque, most, wrenches = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n), np.empty((n, 6))
+    for k in range(math.ceil(end / step) + 1):
+        evaluate(min(end, k * step), knots, coefficients, q, qdot, qddot)
+        joint_torques(q, qdot, qddot, chain, links, torque, wrenches)
+        for i in range(n):
             most[i] = max(most[i], abs(torque[i]))
     return most
 
@@ -34,10 +36,10 @@ def torque_shares(model: ArmModel, end: float, step: float, knots: Array, coeffi
         model: The arm.
         end: s, until which the path is sampled.
         step: s between two samples.
-        knots: (7, n) of the path, see `profiles`.
-        coefficients: (7, n, 6) of the path.
+        knots: (joints, n) of the path, see `profiles`.
+        coefficients: (joints, n, 6) of the path.
 
     Returns:
-        (7,), the largest share of each joint.
+        (n,), the largest share of each joint.
     """
-    return np.asarray(largest_torques(end, step, knots, coefficients, model.links) / model.limits.effort)
+    return np.asarray(largest_torques(end, step, knots, coefficients, model.chain, model.links) / model.limits.effort)

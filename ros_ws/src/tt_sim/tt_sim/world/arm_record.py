@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 from tt_arm.joints import JointBounds, Joints
-from tt_arm.kinematics import Chain
+from tt_arm.kinematics import Bodies
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import OBSTACLES, clearance
 from tt_core.states import Array
@@ -43,23 +43,23 @@ class TickExtremes(NamedTuple):
 
 
 @njit(cache=True)
-def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: JointBounds, chain: Chain) -> TickExtremes:
+def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: JointBounds, bodies: Bodies) -> TickExtremes:
     """Measure one tick.
 
     Args:
-        q: (7,) rad at its end.
-        qdot: (7,) rad/s at its end.
-        before: (7,) rad/s at its beginning.
+        q: (n,) rad at its end.
+        qdot: (n,) rad/s at its end.
+        before: (n,) rad/s at its beginning.
         duration: s.
         limits: Of the joints.
-        chain: Of the arm.
+        bodies: Of the arm.
     """
     speed, acceleration, limit_distance = 0.0, 0.0, np.inf
-    for i in range(7):
+    for i in range(len(q)):
         speed = max(speed, abs(qdot[i]) / limits[i].speed)
         acceleration = max(acceleration, abs(qdot[i] - before[i]) / duration)
         limit_distance = min(limit_distance, q[i] - limits[i].low, limits[i].high - q[i])
-    left, nearest = clearance(q, chain)
+    left, nearest = clearance(q, bodies)
     return TickExtremes(speed, acceleration, limit_distance, left, nearest)
 
 
@@ -77,10 +77,10 @@ class ArmRecord:
 
     def __init__(self, model: ArmModel, joints: Joints) -> None:
         """Begin with the present state of the joints."""
-        self._chain, self._limits = model.chain, model.limits.bounds
+        self._bodies, self._limits = model.bodies, model.limits.bounds
         self._joints = joints
         self._broken: frozenset[Bound] = frozenset()  # bounds, in the last tick
-        now = _measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._chain)
+        now = _measure(joints.q, joints.qdot, joints.qdot, 1.0, self._limits, self._bodies)
         self.speed, self.acceleration, self.hits = (0.0, joints.time), (0.0, joints.time), 0
         self.limit_distance, self.clearance = (now.limit_distance, joints.time), (now.clearance, joints.time)
         self.nearest = OBSTACLES[now.nearest]
@@ -93,7 +93,7 @@ class ArmRecord:
         """
         last, self._joints = self._joints, joints
         time = joints.time
-        now = _measure(joints.q, joints.qdot, last.qdot, time - last.time, self._limits, self._chain)
+        now = _measure(joints.q, joints.qdot, last.qdot, time - last.time, self._limits, self._bodies)
         if now.speed > self.speed[0]:
             self.speed = now.speed, time
         if now.acceleration > self.acceleration[0]:

@@ -73,14 +73,14 @@ def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limit
     """Advance all joints in place. A joint that runs into its end stop stops there.
 
     Args:
-        q: (7,) rad; changed.
-        qdot: (7,) rad/s; changed.
-        command: (7,) rad/s.
+        q: (n,) rad; changed.
+        qdot: (n,) rad/s; changed.
+        command: (n,) rad/s.
         duration: s.
         limits: What the drives reach.
         lag: s, time constant of the velocity loops.
     """
-    for i in range(7):
+    for i in range(len(q)):
         u = min(limits[i].speed, max(-limits[i].speed, command[i]))
         q[i], qdot[i] = step_joint(q[i], qdot[i], u, duration, lag, limits[i].acceleration)
         if not limits[i].low <= q[i] <= limits[i].high:
@@ -111,7 +111,7 @@ class Plant:
 
         Args:
             state: The joints now.
-            command: (7,) rad/s.
+            command: (n,) rad/s.
             duration: s, 0 to 10.
 
         Raises:
@@ -120,11 +120,11 @@ class Plant:
             NotFinite: A number is NaN or infinite.
         """
         duration = check_range("duration", duration, 0.0, 10.0)
-        q, qdot = self._after(state, check_array("command", command, (7,)), duration)
+        q, qdot = self._after(state, check_array("command", command, (len(state.q),)), duration)
         return Joints(state.time + duration, q, qdot)
 
     def racket(self, state: Joints, command: Array | None = None, duration: float = 0.0) -> RacketMotion:
-        """Return the racket now, or `duration` (s) later under `command` (7,) rad/s; exact at any instant of a tick; about 15 us."""
+        """Return the racket now, or `duration` (s) later under `command` (n,) rad/s; exact at any instant of a tick; about 15 us."""
         q, qdot = (state.q.copy(), state.qdot) if command is None else self._after(state, command, duration)
         position, rotation, jacobian = forward(q, self.model.chain)
         return RacketMotion(position, rotation, jacobian[:3] @ qdot, jacobian[3:] @ qdot)
@@ -140,7 +140,7 @@ class Plant:
         params = self.params
         if params.q_noise == params.qdot_noise == params.q_step == 0.0:
             return state
-        q, qdot = state.q + rng.normal(0.0, params.q_noise, 7), state.qdot + rng.normal(0.0, params.qdot_noise, 7)
+        q, qdot = state.q + rng.normal(0.0, params.q_noise, len(state.q)), state.qdot + rng.normal(0.0, params.qdot_noise, len(state.q))
         return Joints(state.time, np.round(q / params.q_step) * params.q_step if params.q_step > 0.0 else q, qdot)
 
     def _after(self, state: Joints, command: Array, duration: float) -> tuple[Array, Array]:

@@ -1,0 +1,166 @@
+"""From pinocchio's model and the bodies of an arm to the constants that the kernels take."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from tt_core.constants import RACKET_RADIUS
+from tt_core.states import Array
+
+from ..dynamics import Links
+from ..kinematics import Bodies, Chain
+from .bodies import Capsule, merged
+from .urdf import RACKET
+
+BLADE_ALLOWANCE = 0.005  # m beyond the racket's radius: a blade is 157 mm long and 150 mm wide, and the disc has the width
+ABOUT = 1e-3  # m from an axis, within which a body lies along it
+RIM = RACKET_RADIUS + BLADE_ALLOWANCE  # m
+HANDLE_RADIUS = 0.018  # m, half the width of a usual handle
+
+
+class Frames(NamedTuple):
+    """The joints of a chain, each with a frame whose z axis is the axis of the joint.
+
+    Attributes:
+        placements: Frame of each joint in that of the joint before; of the first one in table.
+        own: That frame in the frame which pinocchio gives the joint.
+        linear: (n,) whether a joint is linear.
+    """
+
+    placements: list[pin.SE3]
+    own: list[pin.SE3]
+    linear: npt.NDArray[np.bool_]
+
+
+def joint_frames(model: pin.Model) -> Frames:
+    """Return the frames of pinocchio's joints, in order from the base."""
+    data = model.createData()
+    zero = pin.neutral(model)
+    pin.computeJointJacobians(model, data, zero)
+    own, linear = [], []
+    for i in range(1, model.njoints):
+        motion = data.oMi[i].actInv(pin.Motion(data.J[:, i - 1]))  # of the joint at unit speed, in its own frame
+        is_linear = bool(np.linalg.norm(motion.angular) < 0.5)
+        axis = motion.linear if is_linear else motion.angular
+        own.append(pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).normalized().matrix(), np.zeros(3)))
+        linear.append(is_linear)
+    before = [pin.SE3.Identity(), *own]
+    placements = [before[i].inverse() * model.jointPlacements[i + 1] * own[i] for i in range(len(own))]
+    return Frames(placements, own, np.array(linear))
+
+
+def links(model: pin.Model, frames: Frames) -> Links:
+    """Return the bodies that the joints move."""
+    inertias = [own.actInv(inertia) for own, inertia in zip(frames.own, list(model.inertias)[1:], strict=True)]
+    return Links(
+        mass=np.array([link.mass for link in inertias]),
+        centre=np.array([link.lever for link in inertias]),
+        inertia=np.array([link.inertia[np.tril_indices(3)] for link in inertias]),
+    )
+
+
+def chain(model: pin.Model, frames: Frames) -> Chain:
+    """Return the constants of the joints and the racket's mount, for a model of pinocchio in table and the frames of its joints."""
+    racket = model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)]
+    mount = frames.own[-1].inverse() * racket.placement
+    return Chain(
+        linear=frames.linear,
+        rotations=np.array([placement.rotation for placement in frames.placements]),
+        positions=np.array([placement.translation for placement in frames.placements]),
+        mount_rotation=np.array(mount.rotation, order="C"),
+        mount_position=np.array(mount.translation),
+    )
+
+
+def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, list[Capsule]]) -> Bodies:
+    """Return the bodies, without the pairs that must not touch.
+
+    Args:
+        model: Of pinocchio, in table.
+        frames: Of its joints.
+        joints: Of `chain`.
+        capsules: Of each link, in the link's frame.
+    """
+    n = len(frames.own)
+    owned: list[tuple[int, Capsule]] = []
+    for link, parts in capsules.items():
+        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+        owner = frame.parentJoint - 1
+        place = frame.placement if owner < 0 else frames.own[owner].inverse() * frame.placement
+        if link == RACKET:  # what is within the disc is the blade
+            parts = [part for part in parts if max(np.hypot(*part.start[:2]), np.hypot(*part.end[:2])) + part.radius > RIM]
+        owned += [_inwards(owner, part.moved(place), frames) for part in parts]
+    owned += [_inwards(n - 1, capsule, frames) for capsule in _handle(model, frames, joints.mount_position)]
+    owned = [(owner, capsule) for owner in range(-1, n) for capsule in merged([c for own, c in owned if own == owner])]
+    count = len(owned)
+    unfinished = Bodies(
+        chain=joints,
+        levers=np.ones(n),
+        starts=np.array([capsule.start for _, capsule in owned]).reshape(count, 3),
+        ends=np.array([capsule.end for _, capsule in owned]).reshape(count, 3),
+        radii=np.array([capsule.radius for _, capsule in owned]),
+        reaches=np.array([capsule.radius + 0.5 * float(np.linalg.norm(capsule.end - capsule.start)) for _, capsule in owned]),
+        owners=np.array([owner for owner, _ in owned], dtype=np.int64),
+        pairs=np.zeros((0, 2), np.int64),
+        rim=RIM,
+    )
+    ranges = np.maximum(np.abs(model.lowerPositionLimit), np.abs(model.upperPositionLimit))
+    return unfinished._replace(levers=_levers(unfinished, ranges))
+
+
+def _inwards(owner: int, capsule: Capsule, frames: Frames) -> tuple[int, Capsule]:
+    """Return the joint that moves a capsule of the joint `owner`, and the capsule in its frame. A turn about its axis does not move it."""
+    while owner >= 0 and not frames.linear[owner] and max(np.hypot(*capsule.start[:2]), np.hypot(*capsule.end[:2])) < ABOUT:
+        capsule, owner = capsule.moved(frames.placements[owner]), owner - 1
+    return owner, capsule
+
+
+def _handle(model: pin.Model, frames: Frames, face: Array) -> list[Capsule]:
+    """Return the handle: from the link that the racket is mounted on towards the face centre, up to the rim."""
+    parent = model.frames[model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)].parentFrame]
+    flange = parent
+    while flange.type != pin.FrameType.BODY and flange.parentFrame != 0:
+        flange = model.frames[flange.parentFrame]
+    if flange.parentJoint != len(frames.own):
+        return []
+    start = frames.own[-1].inverse().act(flange.placement.translation)
+    way = face - start
+    length = float(np.linalg.norm(way))
+    return [Capsule(start, start + way * (1.0 - RIM / length), HANDLE_RADIUS)] if length > RIM else []
+
+
+def _levers(bodies: Bodies, ranges: Array) -> Array:
+    """Return `Bodies.levers` for joints that move as far as ranges (n,) m, if they are linear."""
+    n = len(bodies.chain.linear)
+    owned = [(owner, m) for m, owner in enumerate(bodies.owners)] + [(n - 1, -1)]
+    return np.array([max([1e-3, *(lever(bodies, ranges, i, m) for owner, m in owned if owner >= i)]) for i in range(n)])
+
+
+def lever(bodies: Bodies, ranges: Array, joint: int, m: int) -> float:
+    """Return how far (m) any point of a body may be from the axis of a joint that moves it; 1 for a linear joint.
+
+    Args:
+        bodies: Of the arm; their levers are not used.
+        ranges: (n,) m, how far linear joints move at most from 0.
+        joint: Index.
+        m: Index of the capsule; -1 for the racket.
+    """
+    chain = bodies.chain
+    if chain.linear[joint]:
+        return 1.0
+    if m < 0:
+        owner, points, radius = len(chain.linear) - 1, chain.mount_position[None], bodies.rim
+    else:
+        owner, points, radius = int(bodies.owners[m]), np.array([bodies.starts[m], bodies.ends[m]]), float(bodies.radii[m])
+    if owner == joint:
+        return float(np.hypot(points[:, 0], points[:, 1]).max()) + radius
+    way = 0.0  # m, from the axis of the joint to the origin of joint k at most
+    for k in range(joint + 1, owner + 1):
+        at = chain.positions[k]
+        way += math.hypot(at[0], at[1]) if k == joint + 1 else float(np.linalg.norm(at))
+        way += ranges[k] if chain.linear[k] else 0.0
+    return way + float(np.linalg.norm(points, axis=1).max()) + radius

@@ -1,0 +1,113 @@
+"""Which bodies of an arm must be kept from touching each other.
+
+Bodies on the same link, and bodies with one joint between them, meet at that joint, whose limits keep them apart. A joint about whose axis
+a body lies does not count: it does not move the body. Bodies that overlap in most postures, or are near each other in nearly all, are
+neighbours too: the joints between them share a place, as in a wrist, and capsules are too coarse to tell whether they touch. Bodies that
+stay apart whatever the joints between them do are not compared either.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from tt_core.states import Array
+
+from ..arm_urdf.geometry import ABOUT, lever
+from ..kinematics import Bodies, place_bodies
+from .clearance import Pairs, Places, between_segments, from_segment, places
+
+POSTURES = 500  # random ones that are looked at
+MOSTLY = 0.5  # share of the postures in which neighbours overlap at least; bodies that do so less can be kept apart
+NEAR, NEARLY_ALL = 0.05, 0.95  # m, and share of the postures, in which neighbours are within this distance
+APART = 0.05  # m, clearance of bodies that need not be compared
+MOST_LOOKS = 2000  # at ranges of postures, after which bodies are compared because it is not known that they stay apart
+
+
+@njit(cache=True)
+def _between(m: int, other: int, at: Places, bodies: Bodies) -> float:
+    """Return the distance (m) between two capsules, or of a sphere around the racket where `other` is -1."""
+    if other >= 0:
+        return between_segments(at.starts, at.ends, m, other) - bodies.radii[m] - bodies.radii[other]
+    return from_segment(at.face[0], at.face[1], at.face[2], at.starts, at.ends, m) - bodies.radii[m] - bodies.rim
+
+
+@njit(cache=True)
+def pair_distances(postures: Array, pairs: Pairs, bodies: Bodies) -> Array:
+    """Return the distance (k, p) m of each of the pairs (p, 2) in each of the postures (k, n); see `_between`."""
+    distances, at = np.empty((len(postures), len(pairs))), places(len(bodies.owners))
+    for k in range(len(postures)):
+        place_bodies(postures[k], bodies, at.starts, at.ends, at.face, at.rotation)
+        for p in range(len(pairs)):
+            distances[k, p] = _between(pairs[p, 0], pairs[p, 1], at, bodies)
+    return distances
+
+
+@njit(cache=True)
+def _stays_apart(m: int, other: int, position: Array, levers: Array, bodies: Bodies) -> bool:
+    """Return whether two bodies stay APART in all postures, by halving the ranges of the joints until the answer is sure.
+
+    Args:
+        m: Index of a capsule.
+        other: Index of one further out, or -1 for the racket.
+        position: (n, 2) rad or m, limits of the joints.
+        levers: (n,) m, how far a point of the outer body moves by 1 rad or m of each joint at most; 0 for joints that move both.
+        bodies: Of the arm.
+    """
+    n, at = len(levers), places(len(bodies.owners))
+    stack, middle, top = np.empty((MOST_LOOKS + 1, n, 2)), np.empty(n), 1
+    stack[0] = position
+    for _ in range(MOST_LOOKS):
+        top -= 1
+        low, high = stack[top, :, 0].copy(), stack[top, :, 1].copy()
+        moves, widest = 0.0, 0
+        for i in range(n):
+            middle[i] = 0.5 * (low[i] + high[i])
+            moves += 0.5 * (high[i] - low[i]) * levers[i]
+            widest = i if (high[i] - low[i]) * levers[i] > (high[widest] - low[widest]) * levers[widest] else widest
+        place_bodies(middle, bodies, at.starts, at.ends, at.face, at.rotation)
+        left = _between(m, other, at, bodies)
+        if left < APART:
+            return False
+        if left - moves < APART:
+            for half in range(2):
+                stack[top, :, 0], stack[top, :, 1] = low, high
+                stack[top, widest, 1 - half] = middle[widest]
+                top += 1
+        if top == 0:
+            return True
+    return False
+
+
+def find_pairs(bodies: Bodies, position: Array) -> Pairs:
+    """Return `Bodies.pairs` of an arm, those first that are nearest in most postures, so that others need not be looked at exactly.
+
+    Args:
+        bodies: Of the arm; their pairs are not used.
+        position: (n, 2) rad or m, limits of the joints.
+    """
+    count, n = len(bodies.owners), len(bodies.chain.linear)
+    last = [int(bodies.owners[m]) + _is_about(bodies, m) for m in range(count)]
+    pairs = [(m, k) for k in range(count) for m in range(k) if bodies.owners[k] - last[m] > 1]
+    pairs += [(m, -1) for m in range(count) if n - 1 - last[m] > 1]
+    candidates = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    postures = np.random.default_rng(0).uniform(position[:, 0], position[:, 1], (POSTURES, n))
+    distances = pair_distances(postures, candidates, bodies)
+    order = np.argsort(np.median(distances, axis=0))
+    neighbours = ((distances <= 0.0).mean(axis=0) >= MOSTLY) | ((distances <= NEAR).mean(axis=0) >= NEARLY_ALL)
+    candidates = candidates[[p for p in order if not neighbours[p]]]
+    ranges = np.abs(position).max(axis=1)
+    kept = []
+    for m, k in candidates:
+        end = n if k < 0 else int(bodies.owners[k]) + 1
+        levers = np.array([lever(bodies, ranges, i, int(k)) if bodies.owners[m] < i < end else 0.0 for i in range(n)])
+        kept.append(not _stays_apart(int(m), int(k), position, levers, bodies))
+    return candidates[np.array(kept, dtype=bool)]
+
+
+def _is_about(bodies: Bodies, m: int) -> bool:
+    """Return whether capsule m lies along the axis of the next joint."""
+    joint, chain = int(bodies.owners[m]) + 1, bodies.chain
+    if joint == len(chain.linear) or chain.linear[joint]:
+        return False
+    ends = (np.array([bodies.starts[m], bodies.ends[m]]) - chain.positions[joint]) @ chain.rotations[joint]
+    return bool(np.hypot(ends[:, 0], ends[:, 1]).max() < ABOUT)
