@@ -161,7 +161,8 @@ class Guard:
             planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
             age: s, of `joints`: the arm has moved on since, by the commands that were sent.
         """
-        command, params, q = np.array(command, dtype=float), self.params, self._place(now, joints, age)
+        self._measured = joints, now - age
+        command, params, q = np.array(command, dtype=float), self.params, self._place(joints, now - age, now)
         if self.latched is not None:
             return self.stop(now, joints, age), self.latched
         if command.shape != q.shape or not np.isfinite(command).all():
@@ -198,8 +199,10 @@ class Guard:
             passed = max(min(passed, FIRST_STEP), passed - self.command_timeout)
         step = self.braking * passed
         command = self._last + np.clip(-self._last, -step, step)
-        q = self._place(now, joints, age)
-        if q is not None and command.any():
+        if joints is not None:
+            self._measured = joints, now - age
+        if self._measured is not None and now - self._measured[1] <= LONGEST_GUESS and command.any():
+            q = self._place(*self._measured, now)
             clip_to_room(q, self.command_timeout, self._limits, self.braking, command)
             command = self._clear_of_all(q, command)
         self._note(command, now, is_stop=True)
@@ -228,20 +231,9 @@ class Guard:
         self._last, self._now, self._stopping = command, now, is_stop
         self._sent.append((now, command))
 
-    def _place(self, now: float, joints: Joints | None, age: float) -> Array | None:
-        """Return the positions (n,) rad to which the commands since the last measurement have brought the joints; None if that is long ago.
-
-        Args:
-            now: s, monotonic.
-            joints: As measured now, if they were.
-            age: s, of `joints`.
-        """
-        if joints is not None:
-            self._measured = joints, now - age
-        if self._measured is None or now - self._measured[1] > LONGEST_GUESS:
-            return None
-        (joints, measured), until = self._measured, now
-        q = joints.q
+    def _place(self, joints: Joints, measured: float, now: float) -> Array:
+        """Return the positions (n,) rad to which commands have brought joints until `now` that were measured at `measured` (s, monotonic)."""
+        q, until = joints.q, now
         for sent, command in reversed(self._sent):
             begin = min(max(sent, measured), until)
             q, until = q + min(until - begin, self.command_timeout) * command, begin
