@@ -31,6 +31,7 @@ def test_a_folder_is_published(start, probe, until, folder):
     for name, messages in got.items():
         probe.create_subscription(Image, f"/camera/{name}/image_raw", messages.append, SENSOR)
     probe.create_subscription(CameraInfo, "/camera/left/camera_info", infos.append, LATCHED)
+    probe.create_subscription(CameraInfo, "/camera/right/camera_info", lambda _: None, LATCHED)
     start("tt_vision.camera_node", "--ros-args", "-p", "kind:=folder", "-p", f"path:={path}", "-p", "speed:=0.05")
     until(lambda: infos and all(len(messages) == 4 for messages in got.values()), probe)
     for side, name in enumerate(got):
@@ -62,10 +63,10 @@ def test_a_recording_is_measured_whoever_starts_first(start, probe, until, tmp_p
     starts = {"camera": ("tt_vision.camera_node", *options), "estimate": ("tt_vision.estimate_node",)}
     started = {first: start(*starts.pop(first))}
     until(lambda: first in probe.get_node_names(), probe)
-    started |= {name: start(*words) for name, words in starts.items()}
     probe.create_subscription(Odometry, "/ball/measured", balls.append, 10)
     for side in ("left", "right"):
         probe.create_subscription(Image, f"/camera/{side}/image_raw", images.append, RECORDED)
+    started |= {name: start(*words) for name, words in starts.items()}
     until(lambda: started["camera"].poll() is not None, probe, 200.0)
     assert started["camera"].returncode == 0
     until(lambda: balls, probe)

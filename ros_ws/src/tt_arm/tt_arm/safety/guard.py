@@ -232,7 +232,7 @@ class Guard:
         self._sent.append((now, command))
 
     def _place(self, joints: Joints, measured: float, now: float) -> Array:
-        """Return the positions (n,) rad to which commands have brought joints until `now` that were measured at `measured` (s, monotonic)."""
+        """Return where (n,) rad the commands have brought joints until `now` (s, monotonic) that were measured at `measured`."""
         q, until = joints.q, now
         for sent, command in reversed(self._sent):
             begin = min(max(sent, measured), until)
