@@ -176,13 +176,16 @@ class Watch(Node):
 
 
 class Relay:
-    """Passes on a topic, whose publisher has been remapped to THROUGH; `change` makes what is passed on from each message."""
+    """Passes on a topic, whose publisher has been remapped to THROUGH; `change` makes what is passed on from each message.
+
+    It keeps the newest message only, as the nodes do. A longer queue would hand on commands from before a delay as new ones.
+    """
 
     def __init__(self, node: Node, topic: str, kind: type) -> None:
         self.kind, self.topic, self.passed = kind, topic, 0  # passed: messages
         self.change: Callable[[Any], Any] | None = None  # -> a message, its bytes, or None for nothing
-        self.publisher = node.create_publisher(kind, topic, QoSProfile(depth=100))
-        node.create_subscription(kind, THROUGH + topic, self._on_data, QoSProfile(depth=100), raw=True)
+        self.publisher = node.create_publisher(kind, topic, QoSProfile(depth=1))
+        node.create_subscription(kind, THROUGH + topic, self._on_data, QoSProfile(depth=1), raw=True)
 
     def _on_data(self, data: bytes) -> None:
         change = self.change
