@@ -45,7 +45,7 @@ FIVE = robot(
     link("hand", 0.05, 0.025, 0.3),
 )
 
-SIX = robot(  # skew and unnormalised axes, continuous joints, a gripper with a joint that copies another one
+SIX = robot(  # skew and unnormalised axes, continuous joints, a gripper with a mimic joint
     link("world", mass=0),
     joint("stand", "fixed", "world", "base", xyz="0 0 0.1"),
     link("base", 0.2, 0.09, 6.0),

@@ -65,7 +65,7 @@ def test_the_page_drives_the_graph(start, probe, until):
         assert ball_from_message(truth[0]).position[0] > 2.0  # m; it has just been launched
         path, rackets = path_from_message(paths[-1]), strokes_from_message(strokes[-1])
         goal = goal_from_message(goals[-1])
-        # m: a path is thinned to 1e-7; strokes of a goal that is out of reach would land elsewhere
+        # m; thinning the path moves the landing by 1e-7 m, and a relaxed goal would move it by centimetres
         assert min(np.linalg.norm(landing(racket, path) - goal.landing) for racket in rackets) < 1e-3
 
         page.get_by_role("button", name="Pause").click()

@@ -93,7 +93,7 @@ class Playback:
             return max(0.0, (step.time - self._at(now)) * 1e-9 / self._rate)
 
     def done(self, step: Step) -> None:
-        """Count a step that was played. While playback is paused, a message is one of those that `play_next` asked for."""
+        """Record that a step was played. While paused, it moves the position and uses up one message that `play_next` asked for."""
         with self._lock:
             if self._paused:
                 self._position = step.time

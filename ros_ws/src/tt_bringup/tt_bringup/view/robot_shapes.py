@@ -123,7 +123,7 @@ def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...]) -
     try:
         values = [float(word) for word in (text or "").split()]
     except ValueError as error:
-        raise TtError(f"{key} = {text!r} of the robot description is no row of numbers") from error
+        raise TtError(f"{key} = {text!r} of the robot description must be numbers separated by spaces") from error
     if len(values) != len(default) or not all(map(math.isfinite, values)):
-        raise TtError(f"{key} = {text!r} of the robot description is no row of {len(default)} finite numbers")
+        raise TtError(f"{key} = {text!r} of the robot description must be {len(default)} finite numbers")
     return np.array(values)

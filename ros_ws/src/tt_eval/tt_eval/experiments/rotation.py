@@ -52,7 +52,7 @@ def along(got: Array, spin: Array) -> float:
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Print how often speed and axis are right in `runs` trials of each; return Figures 2.14 and 2.15."""
+    """Measure each spin of the rotation machine `runs` times, print how often speed and axis are right; return Figures 2.14 and 2.15."""
     rows = []  # frame, axis, method, speed, estimated speed, inner product, vector error, ms
     for frame, a, speed, spin, burst in turning(runs):
         for method in METHODS:

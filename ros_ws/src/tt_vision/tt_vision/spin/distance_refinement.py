@@ -10,7 +10,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from tt_core.states import Array
 
 from ..capture.burst import Burst
 from ..motion_fit import BallMotion
@@ -47,8 +46,8 @@ def refine_distance(
     for _ in range(ROUNDS):
         factors = [factor - STEP, factor, factor + STEP]
         trials = [_at(burst, motion, surface, found, search, each) for each in factors]
-        low, middle, high = (trial[1] for trial in trials)
-        weight = trials[1][2] * TRUST / (CORRELATED * middle)  # of the squared error in the likelihood
+        low, middle, high = (error for error, _ in trials)
+        weight = trials[1][1] * TRUST / (CORRELATED * middle)  # of the squared error in the likelihood
         slope, information = weight * (high - low) / (4.0 * STEP), weight * (high - 2.0 * middle + low) / (2.0 * STEP**2)
         if information <= 0.0:
             return motion, surface, found
@@ -63,9 +62,9 @@ def refine_distance(
 
 def _at(
     burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, search: SearchParams, factor: float
-) -> tuple[Array, float, float]:
-    """Return the spin with the ball at another distance, the mean squared error of its marks, and the weight of all of them."""
+) -> tuple[float, float]:
+    """Return the mean squared error of the marks with the ball at another distance, and the sum of their weights."""
     mapped = surface.moved_to(motion.at_distance(burst.cameras[0].position, factor), burst)
     spin = register_again(mapped, found, search).spin
     compared = compare_all(spin, fibonacci(search.fine_points), mapped.sharp)
-    return spin, compared.error, compared.weight
+    return compared.error, compared.weight
