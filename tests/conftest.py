@@ -1,15 +1,21 @@
 """Real ROS for node tests: a domain of its own, on this machine only, every process ended."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-settings.register_profile("kernels", deadline=None)  # the first call of a kernel may compile it
-settings.load_profile("kernels")
+# The same examples in each run: a test fails because of a change, not by chance. With TT_FUZZ=N they are new ones, and N times as many.
+# No deadlines: the first call of a kernel may compile it, and a busy machine is slow.
+FUZZ = int(os.environ.get("TT_FUZZ", "0"))
+settings.register_profile(
+    "tests", deadline=None, derandomize=not FUZZ, max_examples=100 * max(FUZZ, 1), suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("tests")
 
 ENDING = 10.0  # s for a node to end; the launcher waits as long before it kills
 SENT = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)  # exit codes by signals that tests send
@@ -90,7 +96,7 @@ def probe(ros):
 def until():
     """until(condition, node): spins `node` until the condition holds; fails after a bound."""
 
-    def until(condition, node, bound=60.0):
+    def until(condition, node, bound=120.0):
         end = time.monotonic() + bound
         while not condition():
             assert time.monotonic() < end, f"not within {bound} s"

@@ -157,4 +157,4 @@ class FaultyArm(RuleBasedStateMachine):
 
 
 TestFaultyArm = FaultyArm.TestCase
-TestFaultyArm.settings = settings(max_examples=15, stateful_step_count=12, deadline=None)  # about 10 s
+TestFaultyArm.settings = settings(max_examples=settings.default.max_examples // 7, stateful_step_count=12)  # about 10 s

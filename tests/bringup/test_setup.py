@@ -20,7 +20,7 @@ def setup(tmp_path):
 
     def setup(*args, **environment):
         script = tmp_path / "tree" / "scripts" / "setup"
-        return subprocess.run([str(script), *args], env={**clean, **environment}, capture_output=True, text=True, timeout=30)
+        return subprocess.run([str(script), *args], env={**clean, **environment}, capture_output=True, text=True, timeout=120)
 
     return setup
 

@@ -51,7 +51,7 @@ def project(tmp_path_factory, clean):
 def set_up(folder, clean):
     """Run scripts/setup, from another folder. The kernels are those that came with the source."""
     digest = "find ros_ws/src -name '*.py' | sort | xargs sha256sum | sha256sum > .venv/kernels.done"
-    subprocess.run(["bash", "-c", digest], cwd=folder, env=clean, check=True, timeout=60)
+    subprocess.run(["bash", "-c", digest], cwd=folder, env=clean, check=True, timeout=120)
     done = subprocess.run([folder / "scripts" / "setup"], cwd=folder.parent, env=clean, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -86,7 +86,7 @@ def test_a_moved_folder_says_how_and_repairs_itself(project, clean):
     moved = project.with_name("moved")
     project.rename(moved)
     try:
-        done = subprocess.run(["bash", "-c", ". ./scripts/env"], cwd=moved, env=clean, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(["bash", "-c", ". ./scripts/env"], cwd=moved, env=clean, capture_output=True, text=True, timeout=120)
         assert done.stderr.count("\n") == 1 and "scripts/setup" in done.stderr
         set_up(moved, clean)
         assert "tt_arm arm_node" in run("bash", ". ./scripts/env && ros2 pkg executables tt_arm", moved, clean)

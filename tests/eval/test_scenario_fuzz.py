@@ -17,7 +17,7 @@ from tt_sim.world.launcher import LauncherParams
 from tt_sim.world.plant import PlantParams
 from tt_sim.world_file import WorldParams
 
-FUZZ = settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+FUZZ = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def every_key():

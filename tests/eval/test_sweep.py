@@ -167,7 +167,7 @@ def test_a_wrong_scenario_is_refused_on_the_command_line(content, told, tmp_path
     (tmp_path / "mine.yaml").write_text(content)
     out = tmp_path / "run.parquet"
     command = [sys.executable, "-m", "tt_eval.sweep", str(tmp_path / "mine.yaml"), "--balls", "10", "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.startswith(f"sweep: {told}") and "Traceback" not in done.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["mine.yaml"]

@@ -24,7 +24,7 @@ def numbers(text):
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda path: path.stem)
 def test_an_example_prints_what_its_readme_shows(program):
-    done = subprocess.run([sys.executable, str(program)], capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run([sys.executable, str(program)], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     wanted = shown(program.name)
     assert re.sub(r"[\s.]", "", NUMBER.sub("", done.stdout)) == re.sub(r"[\s.]", "", NUMBER.sub("", wanted))

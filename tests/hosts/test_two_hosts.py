@@ -10,8 +10,6 @@ from rosbags.highlevel import AnyReader
 from tt_core.ros.convert import seconds
 from tt_core.ros.diagnostics import Event, read_status
 
-pytestmark = pytest.mark.timeout(300)  # two starts of the whole robot are in the first test
-
 BALLS = 5
 RATE = "rate:=30.0"  # balls a minute
 START = 100.0  # s until the first ball is hit; 20 to 35 s on two shared cores

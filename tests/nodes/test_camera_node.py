@@ -46,7 +46,7 @@ def test_a_folder_is_published(start, probe, until, folder):
 
 def test_a_source_that_is_not_there_ends_it_with_the_reason(start, tmp_path):
     node = start("tt_vision.camera_node", "--ros-args", "-p", f"path:={tmp_path}")
-    assert node.wait(timeout=30) == 2
+    assert node.wait(timeout=120) == 2
     assert "no images named" in node.stderr.read()
 
 

@@ -215,5 +215,5 @@ def test_a_flood_of_bad_images_does_not_flood_the_diagnostics(start, probe, unti
 
 def test_a_bad_parameter_ends_it_with_the_reason(start):
     node = start("tt_vision.estimate_node", "--ros-args", "-p", "frames:=2")
-    assert node.wait(timeout=30) == 2
+    assert node.wait(timeout=120) == 2
     assert "frames = 2 is outside [3, 10]" in node.stderr.read()

@@ -82,7 +82,6 @@ def test_an_interrupt_ends_a_node_while_it_starts(execute, seed):
         check_end(process, number, printed)
 
 
-@pytest.mark.timeout(300)  # s, of a busy machine; 10 s else
 def test_an_interrupt_ends_a_node_that_spins(execute):
     """Closed, with exit code 0."""
     rng = random.Random(0)
@@ -100,7 +99,7 @@ def test_an_interrupt_ends_a_node_that_spins(execute):
 @pytest.mark.parametrize("words", [["-p", "foo"], ["--params-file", "/no/such.yaml"], ["-r", "a:b"], ["-p", "until_x:=far"]])
 def test_malformed_arguments_are_told_without_a_traceback(execute, words):
     process, printed = execute("predict_node", "--ros-args", *words)
-    assert process.wait(timeout=60.0) == 2
+    assert process.wait(timeout=120) == 2
     lines = printed.read_text().splitlines()
     assert 1 <= len(lines) <= 2 and "Traceback" not in lines[0]  # rcl may tell before us that there is something
 
@@ -108,7 +107,7 @@ def test_malformed_arguments_are_told_without_a_traceback(execute, words):
 def test_a_node_tells_how_it_is_called(execute):
     for name in NODES:
         process, printed = execute(name, "--help")
-        assert process.wait(timeout=60.0) == 0 and not printed.read_text()
+        assert process.wait(timeout=120) == 0 and not printed.read_text()
 
 
 def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe, until):
@@ -172,7 +171,7 @@ def robot(ros, tmp_path):
     yield printed.read_text
     process.send_signal(signal.SIGINT)
     try:
-        assert process.wait(timeout=30.0) == 0, printed.read_text()
+        assert process.wait(timeout=120) == 0, printed.read_text()
     finally:
         process.kill()
 
@@ -182,7 +181,6 @@ def started(printed, name):
     return [int(pid) for pid in re.findall(rf"^\[launch\] {name} started, process (\d+)$", printed, re.MULTILINE)]
 
 
-@pytest.mark.timeout(300)  # s, of a busy machine; 45 s else
 def test_play_resumes_after_crashes(robot, probe, until):
     """The next ball is measured, predicted and answered with strokes; the arm moves only when a person has enabled it again."""
     paths, strokes, commands = [], [], []
@@ -190,12 +188,12 @@ def test_play_resumes_after_crashes(robot, probe, until):
     probe.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", strokes.append, LATEST)
     probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", lambda m: commands.append(np.array(m.data)), LATEST)
     launcher = probe.create_client(Trigger, "/launcher/launch")
-    until(launcher.service_is_ready, probe, 60.0)
+    until(launcher.service_is_ready, probe)
 
     def play(seen):
         """Ask for a ball every second, of which one flies at a time, until `seen()`."""
         timer = probe.create_timer(1.0, lambda: launcher.call_async(Trigger.Request()))
-        until(seen, probe, 60.0)
+        until(seen, probe)
         probe.destroy_timer(timer)
 
     def moves():
@@ -207,7 +205,7 @@ def test_play_resumes_after_crashes(robot, probe, until):
     killed = {name: started(robot(), name)[-1] for name in ("predict", "racket", "arm")}
     for pid in killed.values():
         os.kill(pid, signal.SIGKILL)
-    until(lambda: all(started(robot(), name)[-1] != pid for name, pid in killed.items()), probe, 30.0)
+    until(lambda: all(started(robot(), name)[-1] != pid for name, pid in killed.items()), probe)
     for seen in (paths, strokes, commands):
         seen.clear()
     play(lambda: paths and strokes and commands)
@@ -226,6 +224,6 @@ def test_a_crash_in_a_thread_ends_the_node(ros, monkeypatch):
     """As one in a callback does: it would not be started again otherwise."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
     command = [sys.executable, "-m", "tt_core.start", "crashing_thread"]
-    node = subprocess.run(command, capture_output=True, text=True, timeout=100.0, check=False)
+    node = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert node.returncode == 1 and node.stdout == "closed\n", node
     assert "Traceback" not in node.stderr and node.stderr.splitlines()[-1].startswith("RuntimeError: a crash (crashing_thread.py:")

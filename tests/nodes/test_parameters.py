@@ -17,7 +17,7 @@ REFERENCE = Path(__file__).parents[2] / "docs" / "parameters.md"
 
 def ros2(*words):
     """What the small ros2 prints."""
-    done = subprocess.run([sys.executable, "-m", "tt_tools.ros2", *words], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-m", "tt_tools.ros2", *words], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -44,7 +44,7 @@ def test_every_parameter_tells_its_meaning_and_its_bounds(declared):
 
 def test_what_acts_at_run_time_can_be_set_and_the_rest_cannot(start, probe, until):
     start("tt_racket.racket_node")
-    client = ParameterClient(probe, "racket", 60.0)
+    client = ParameterClient(probe, "racket", 120.0)
     from rclpy.parameter import Parameter
 
     client.set([Parameter("goal.flight_time", value=0.5)])
@@ -59,15 +59,15 @@ def test_what_acts_at_run_time_can_be_set_and_the_rest_cannot(start, probe, unti
 
 def test_a_dumped_file_starts_the_node_again(start, probe, until, tmp_path):
     first = start("tt_arm.arm_node", "--ros-args", "-p", "swing.acceleration:=15.0", "-p", "guard.margin:=0.02", "-p", "rtf:=1")
-    client = ParameterClient(probe, "arm", 60.0)
+    client = ParameterClient(probe, "arm", 120.0)
     assert client.values(["rtf"])[0].double_value == 1.0  # a whole number was given
     (tmp_path / "arm.yaml").write_text(ros2("param", "dump", "/arm"))
     before = dict(zip(client.names(), client.values(client.names()), strict=True))
     first.terminate()
-    first.wait(timeout=20)
+    first.wait(timeout=120)
     until(lambda: not probe.count_publishers("/arm_velocity_controller/commands"), probe)
     start("tt_arm.arm_node", "--ros-args", "--params-file", str(tmp_path / "arm.yaml"))
-    again = ParameterClient(probe, "arm", 60.0)
+    again = ParameterClient(probe, "arm", 120.0)
     names = [name for name in again.names() if not name.startswith(OF_MIDDLEWARE)]
     assert dict(zip(names, again.values(names), strict=True)) == {name: before[name] for name in names}
     assert before["swing.acceleration"].double_value == 15.0
@@ -75,10 +75,10 @@ def test_a_dumped_file_starts_the_node_again(start, probe, until, tmp_path):
 
 def test_a_world_excludes_coefficients_beside_it(start):
     node = start("tt_sim.sim_node", "--ros-args", "-p", "world:=real", "-p", "plant.speed_share:=0.5")
-    assert node.wait(timeout=60) == 2 and "world = 'real'" in node.stderr.read()
+    assert node.wait(timeout=120) == 2 and "world = 'real'" in node.stderr.read()
 
 
 def test_nan_stands_for_the_value_of_the_model(start, probe):
     start("tt_predict.predict_node", "--ros-args", "-p", "physics:=measured", "-p", "air.drag:=.nan")
-    (drag,) = ParameterClient(probe, "predict", 60.0).values(["air.drag"])
+    (drag,) = ParameterClient(probe, "predict", 120.0).values(["air.drag"])
     assert math.isfinite(drag.double_value) and drag.double_value != 0.505

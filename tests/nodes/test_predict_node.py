@@ -142,7 +142,7 @@ def test_it_lives_through_whatever_comes(start, probe, until):
 )
 def test_a_bad_parameter_ends_it_with_the_reason(start, parameter, words):
     node = start("tt_predict.predict_node", "--ros-args", "-p", parameter)
-    assert node.wait(timeout=30) == 2
+    assert node.wait(timeout=120) == 2
     assert words in node.stderr.read()
 
 

@@ -133,5 +133,5 @@ def test_it_lives_through_whatever_comes(start, probe, until):
 
 def test_a_bad_parameter_ends_it_with_the_reason(start):
     node = start("tt_racket.racket_node", "--ros-args", "-p", "goal.landing_x:=0.5")
-    assert node.wait(timeout=30) == 2
+    assert node.wait(timeout=120) == 2
     assert "landing_x = 0.5 is outside [1.37, 2.74]" in node.stderr.read()

@@ -229,5 +229,5 @@ def test_bad_parameters_end_it_with_the_reason(start):
         ("world:=mars", "mars: "),
     ):
         node = start("tt_sim.sim_node", "--ros-args", "-p", parameter)
-        assert node.wait(timeout=30) == 2
+        assert node.wait(timeout=120) == 2
         assert words in node.stderr.read()

@@ -20,7 +20,7 @@ GRAPH += (("tt_racket.racket_node", ()),)
 SLOW = ("-p", "use_sim_time:=true")
 
 
-def address(process, bound=60.0):
+def address(process, bound=120.0):
     """The address that the view has printed."""
     end, printed = time.monotonic() + bound, ""
     while not (found := re.search(r"http://\S+", printed)):
@@ -40,7 +40,6 @@ def landing(racket, path):
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no program chromium; install it: apt-get install chromium")
-@pytest.mark.timeout(300)
 def test_the_page_drives_the_graph(start, probe, until):
     for module, arguments in GRAPH:
         start(module, "--ros-args", *SLOW, *arguments, *(("-p", "rtf:=0.5") if module.startswith("tt_sim") else ()))

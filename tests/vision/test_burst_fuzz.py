@@ -82,4 +82,4 @@ def frames(film):
 
 
 TestFaultyCameras = FaultyCameras.TestCase
-TestFaultyCameras.settings = settings(max_examples=20, stateful_step_count=10, deadline=None)
+TestFaultyCameras.settings = settings(max_examples=settings.default.max_examples // 5, stateful_step_count=10)
