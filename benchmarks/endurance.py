@@ -51,7 +51,7 @@ def usage(graph: Graph) -> dict[str, tuple[float, int]]:
 
 def reason(watch: Watch, ball: Ball) -> str | None:
     """What the nodes told while a ball flew, without its numbers; None if nothing."""
-    words = [f"{w.name}: {w.text}" for w in tuple(watch.warnings) if ball.launched <= w.told <= ball.told + 0.1]
+    words = [f"{w.name}: {w.text}" for w in tuple(watch.warnings) if ball.launched <= w.time <= ball.over + 0.1]
     return re.sub(r"-?[0-9.]+", "#", words[-1]) if words else None
 
 
@@ -95,7 +95,7 @@ def main() -> None:
     first, last = balls[:size], balls[-size:]
     shares = [float(np.mean([ball.hit for ball in part])) for part in (first, last)]
     medians = [
-        float(np.median([ms for told, ms in latencies if part[0].launched <= told <= part[-1].told] or [np.inf])) for part in (first, last)
+        float(np.median([ms for time, ms in latencies if part[0].launched <= time <= part[-1].over] or [np.inf])) for part in (first, last)
     ]
     numbers = [ball.number for ball in balls]
     lost = sum(b - a - 1 for a, b in itertools.pairwise(numbers))

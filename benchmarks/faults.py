@@ -349,7 +349,7 @@ def uncovered(graph: Graph) -> set[str]:
     return found - good_messages().keys() - {"/parameter_events"}
 
 
-def run(faults: Sequence[Fault], log: Path, told: Callable[[Result], None]) -> None:
+def run(faults: Sequence[Fault], log: Path, report_result: Callable[[Result], None]) -> None:
     """Inject all, those of one setting into one graph as long as it lives. told: takes each result."""
     for setting, make in settings(log).items():
         wanted = [fault for fault in faults if fault.setting == setting]
@@ -370,9 +370,9 @@ def run(faults: Sequence[Fault], log: Path, told: Callable[[Result], None]) -> N
                     if not play(graph, fault, phase, result):
                         stack.close()
                         graph = None
-                told(result)
+                report_result(result)
             if graph is not None and setting == "plain" and (missing := uncovered(graph)):
-                told(Result(Fault(f"faults for {', '.join(sorted(missing))}", graph.pause), 1, ["there are none"]))  # type: ignore[arg-type]
+                report_result(Result(Fault(f"faults for {', '.join(sorted(missing))}", graph.pause), 1, ["there are none"]))  # type: ignore[arg-type]
 
 
 def table(results: Sequence[Result]) -> Table:
@@ -411,7 +411,7 @@ def main() -> None:
 
     results: list[Result] = []
 
-    def told(result: Result) -> None:
+    def report_result(result: Result) -> None:
         results.append(result)
         console.print(
             f"{time.monotonic() - began:6.0f} s  {result.fault.name}: {'; '.join(result.failures) or 'survived'}", highlight=False
@@ -420,7 +420,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)  # recordings go here
         with contextlib.suppress(KeyboardInterrupt):  # what is known so far is told
-            run(faults, log, told)
+            run(faults, log, report_result)
         os.chdir("/")
     console.print(table(results))
     times, failed = sum(r.times for r in results), sum(len(r.failures) for r in results)

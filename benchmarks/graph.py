@@ -47,20 +47,20 @@ PHASES = ("waiting", "launched", "swing", "strike", "back")
 
 @dataclass(frozen=True)
 class Ball:
-    """One that is over. launched, told: s, simulated."""
+    """One that is over. launched, over: s, simulated."""
 
     number: int
     launched: float
-    told: float
+    over: float
     hit: bool
     result: str
 
 
 @dataclass(frozen=True)
 class Warning:
-    """What a node told at a level above OK. told: s, simulated or of the system, as the node's clock."""
+    """What a node told at a level above OK. time: s, simulated or of the system, as the node's clock."""
 
-    told: float
+    time: float
     name: str
     text: str
 
@@ -100,15 +100,15 @@ class Watch(Node):
         self.enabler = self.create_client(SetBool, "/arm/enable")
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for told in read_status(message):
-            values = told.values
-            if told.event is Event.BALL_OVER:
+        for status in read_status(message):
+            values = status.values
+            if status.event is Event.BALL_OVER:
                 launched, hit = json.loads(values["launched"])[0], json.loads(values["hit"]) is not None
-                self.balls.append(Ball(int(values["number"]), launched, told.time, hit, values["result"]))
-            elif told.name == "sim: arm record":
+                self.balls.append(Ball(int(values["number"]), launched, status.time, hit, values["result"]))
+            elif status.name == "sim: arm record":
                 self.record = time.time(), values
-            elif told.event is Event.FIRST_COMMAND and "latency_ms" in values:
-                self.latencies.append((told.time, float(values["latency_ms"])))
+            elif status.event is Event.FIRST_COMMAND and "latency_ms" in values:
+                self.latencies.append((status.time, float(values["latency_ms"])))
         for s in read_warnings(message):
             reasons = s.values.get("reasons")
             warning = Warning(s.time, s.name, f"{s.message}: {reasons}" if reasons else s.message)

@@ -48,7 +48,7 @@ def main() -> None:
         with two_hosts(one, other, folder, domain, folder / "two", given) as session:
             metrics |= play(session, args.runs, "two")
             metrics |= {f"added_latency_ms_p{p}": metrics[f"two_latency_ms_p{p}"] - metrics[f"one_latency_ms_p{p}"] for p in (50, 95)}
-            offsets = [float(t.values["least_ms"]) for t in session.told if t.name == "watch"]
+            offsets = [float(t.values["least_ms"]) for t in session.statuses if t.name == "watch"]
             metrics["clock_offset_beyond_uncertainty_ms"] = max(offsets)
             for cut in CUTS:
                 waited, missed = [], []

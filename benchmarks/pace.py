@@ -41,24 +41,24 @@ class Watch(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for told in read_status(message):
-            values = told.values
-            if told.event is Event.BALL_OVER:
+        for status in read_status(message):
+            values = status.values
+            if status.event is Event.BALL_OVER:
                 self.results.append(Result(values["result"]) if json.loads(values["hit"]) else Result.MISSED)
-            elif told.name in STAGES and "latency_ms" in values and told.event is not Event.SWING:
-                self.latencies[told.name].append(float(values["latency_ms"]))
+            elif status.name in STAGES and "latency_ms" in values and status.event is not Event.SWING:
+                self.latencies[status.name].append(float(values["latency_ms"]))
         self.refusals += [f"{s.name}: {re.sub(r'[0-9.]+', '#', s.message)}" for s in read_warnings(message)]
 
 
 def main() -> None:
     args = arguments("pace", 282)
     free_domain()
-    told = dict[str, psutil.Process]()
+    processes = dict[str, psutil.Process]()
 
     def tell(line: str) -> None:
         started = re.match(r"\[launch\] (\S+) started, process (\d+)", line)
         if started and started[1] not in ("enable", "robot_state_publisher"):  # these may end by themselves
-            told[started[1]] = psutil.Process(int(started[2]))
+            processes[started[1]] = psutil.Process(int(started[2]))
 
     given = {"rate": str(RATE), "seed": "0"}
     usage = defaultdict[str, list[tuple[float, float]]](list)  # CPU %, MB
@@ -74,7 +74,7 @@ def main() -> None:
                 skipped = len(watch.results) + 1
             if time.monotonic() - sampled > 1.0 and skipped is not None:
                 sampled = time.monotonic()
-                for name, process in told.items():
+                for name, process in processes.items():
                     family = [process, *process.children(recursive=True)]
                     memory = sum(p.memory_info().rss for p in family) / 1e6
                     spent = sum(sum(p.cpu_times()[:2]) for p in family)

@@ -46,13 +46,13 @@ class Watch(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for told in read_status(message):
-            if told.event is Event.FIRST_COMMAND and self.is_counted:
-                self.latencies[self.is_viewed].append(float(told.values["latency_ms"]))
-            elif told.event is Event.BALL_OVER:
+        for status in read_status(message):
+            if status.event is Event.FIRST_COMMAND and self.is_counted:
+                self.latencies[self.is_viewed].append(float(status.values["latency_ms"]))
+            elif status.event is Event.BALL_OVER:
                 self.balls += 1
                 if self.is_counted:
-                    self.hits[self.is_viewed].append(json.loads(told.values["hit"]) is not None)
+                    self.hits[self.is_viewed].append(json.loads(status.values["hit"]) is not None)
 
 
 async def read_all(port: int) -> None:

@@ -39,8 +39,8 @@ def recorded(bag: Path) -> tuple[np.ndarray, np.ndarray, float]:
     begin = seconds(swing.header.stamp)
     reference = np.array([[begin + seconds(p.time_from_start), *p.positions, *p.velocities] for p in swing.points])
     measured = np.array([[seconds(m.header.stamp), *m.position, *m.velocity] for m in found[NEEDED[1]]])
-    told = [{v.key: v.value for v in s.values} for m in found[NEEDED[2]] for s in m.status if s.name == "arm" and s.message == "swing"]
-    return reference, measured, float(told[-1]["strike"])
+    swings = [{v.key: v.value for v in s.values} for m in found[NEEDED[2]] for s in m.status if s.name == "arm" and s.message == "swing"]
+    return reference, measured, float(swings[-1]["strike"])
 
 
 def played(kind: str, scale: int) -> tuple[np.ndarray, np.ndarray, float]:

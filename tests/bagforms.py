@@ -60,26 +60,26 @@ def split(folder: Path, rows: Rows, plugin: StoragePlugin) -> Path:
     for i, part in enumerate((rows[:half], rows[half:])):
         (folder / str(i)).mkdir()
         parts.append(write_ros2(folder / str(i), part, plugin))
-    told = [yaml.safe_load((part / "metadata.yaml").read_text())["rosbag2_bagfile_information"] for part in parts]
+    infos = [yaml.safe_load((part / "metadata.yaml").read_text())["rosbag2_bagfile_information"] for part in parts]
     bag.mkdir()
     counts: dict[str, int] = {}
-    for i, (part, one) in enumerate(zip(parts, told, strict=True)):
+    for i, (part, one) in enumerate(zip(parts, infos, strict=True)):
         (old,) = one["relative_file_paths"]
         name = f"bag_{i}{Path(old).suffix}"
         (part / old).replace(bag / name)
         one["relative_file_paths"] = [name]
         for topic in one["topics_with_message_count"]:
             counts[topic["topic_metadata"]["name"]] = counts.get(topic["topic_metadata"]["name"], 0) + topic["message_count"]
-    both = {t["topic_metadata"]["name"]: t for one in told for t in one["topics_with_message_count"]}
+    both = {t["topic_metadata"]["name"]: t for one in infos for t in one["topics_with_message_count"]}
     for name, topic in both.items():
         topic["message_count"] = counts[name]
-    start = told[0]["starting_time"]["nanoseconds_since_epoch"]
-    end = told[1]["starting_time"]["nanoseconds_since_epoch"] + told[1]["duration"]["nanoseconds"]
+    start = infos[0]["starting_time"]["nanoseconds_since_epoch"]
+    end = infos[1]["starting_time"]["nanoseconds_since_epoch"] + infos[1]["duration"]["nanoseconds"]
     joined = {
-        **told[0],
-        "relative_file_paths": [name for one in told for name in one["relative_file_paths"]],
+        **infos[0],
+        "relative_file_paths": [name for one in infos for name in one["relative_file_paths"]],
         "duration": {"nanoseconds": end - start},
-        "message_count": sum(one["message_count"] for one in told),
+        "message_count": sum(one["message_count"] for one in infos),
         "topics_with_message_count": list(both.values()),
         "files": [],
     }

@@ -158,12 +158,12 @@ def test_meshes_are_found_beside_the_file_and_bounded(tmp_path):
         assert np.any([inside(capsule, vertices + [0.0, 0.0, 0.2]) for capsule in parts], axis=0).all()  # float32 of the file: below SLACK
     for name in ("package://tt_arm/urdf/pa10.urdf", "package://tt_arm/nothing.stl"):
         (folder / "arm.urdf").write_text(text.format(name))
-        with pytest.raises(UrdfError) as told:
+        with pytest.raises(UrdfError) as error:
             ArmModel.from_urdf(folder / "arm.urdf", "hand")
-        assert told.value.failure.code in (UrdfFailure.BAD_MESH, UrdfFailure.NO_MESH)
-    with pytest.raises(MeshNotFound) as told:
+        assert error.value.failure.code in (UrdfFailure.BAD_MESH, UrdfFailure.NO_MESH)
+    with pytest.raises(MeshNotFound) as error:
         resolve("package://none/a.stl", folder / "arm.urdf")
-    assert told.value.places
+    assert error.value.places
     found, _ = triangles(tmp_path / "own_description" / "meshes" / "l2.stl", np.full(3, 0.01))
     assert found.max(axis=0) == pytest.approx(vertices.max(axis=0), abs=1e-6)
 

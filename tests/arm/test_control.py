@@ -116,10 +116,10 @@ def test_the_first_candidate_that_can_be_made_is_taken():
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     soon = RacketState(0.1, good.position, good.velocity, good.alpha, good.beta)
     arm.run(0.05)
-    choice = arm.control.take([far, soon, good, good])
-    assert choice.index == 2
-    assert choice.reasons[0] == Refusal(Failure(ReachFailure.OUT_OF_REACH), 0)
-    assert (choice.reasons[1].index, choice.reasons[1].failure.code) == (1, SwingFailure.TOO_SOON)
+    selection = arm.control.take([far, soon, good, good])
+    assert selection.index == 2
+    assert selection.reasons[0] == Refusal(Failure(ReachFailure.OUT_OF_REACH), 0)
+    assert (selection.reasons[1].index, selection.reasons[1].failure.code) == (1, SwingFailure.TOO_SOON)
     assert arm.control.take([]).index is None
 
 
@@ -129,9 +129,9 @@ def test_the_first_is_taken_even_with_nothing_to_spare():
     racket, relaxed = printed(0.0)[1], printed(1.0)[1]
     earliest = plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time, limits).earliest
     hasty = RacketState(earliest + 0.002, racket.position, racket.velocity, racket.alpha, racket.beta)
-    choice = select_stroke(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
-    assert choice.index == 0
-    assert choice.swing.earliest <= hasty.time
+    selection = select_stroke(MODEL, [hasty, relaxed], start, limits, ReachParams(), SelectionParams())
+    assert selection.index == 0
+    assert selection.swing.earliest <= hasty.time
 
 
 def test_with_the_next_ball_at_once_the_arm_takes_what_has_it_back_soonest():
@@ -141,8 +141,8 @@ def test_with_the_next_ball_at_once_the_arm_takes_what_has_it_back_soonest():
         return [arm.control.take(rackets) for rackets in balls]
 
     first, second = printed(0.5)[:1], [printed(1.1)[i] for i in (4, 0, 1, 2, 3)]
-    assert [choice.index for choice in taken(0.0, (first, second))] == [0, 0]
-    assert [choice.index for choice in taken(0.5, (first, second))] == [0, 0]  # 0.6 s apart
+    assert [selection.index for selection in taken(0.0, (first, second))] == [0, 0]
+    assert [selection.index for selection in taken(0.5, (first, second))] == [0, 0]  # 0.6 s apart
     alone = [taken(0.0, (first, [racket]))[1].swing.end_time for racket in second]
     hurried = taken(1.0, (first, second))[1]
     assert hurried.swing.end_time == min(alone) < alone[0]
@@ -152,14 +152,14 @@ def test_why_each_candidate_failed_is_told():
     far = RacketState(0.5, np.array([1.5, 0.7, 0.3]), np.zeros(3), 0.0, 1.2)
     soon, low = printed(0.1)[0], RacketState(2.0, np.array([0.05, 0.7, 0.06]), np.array([0.3, 0.0, 0.3]), 0.0, 1.4)
     candidates = [far, soon, low, far, far]
-    choice = select_stroke(
+    selection = select_stroke(
         MODEL, candidates, Joints(0.0, MODEL.waiting, np.zeros(7)), SwingLimits(), ReachParams(), SelectionParams(tries=3)
     )
-    assert choice.index is None
-    told = [(refusal.index, refusal.failure.code) for refusal in choice.reasons]
+    assert selection.index is None
+    refused = [(refusal.index, refusal.failure.code) for refusal in selection.reasons]
     codes = ReachFailure.OUT_OF_REACH, SwingFailure.TOO_SOON, SwingFailure.CLEARANCE, SelectionFailure.NOT_TRIED
-    assert told == list(zip((0, 1, 2, None), codes, strict=True))
-    assert choice.reasons[3].failure.values == {"first": 3, "last": 4}
+    assert refused == list(zip((0, 1, 2, None), codes, strict=True))
+    assert selection.reasons[3].failure.values == {"first": 3, "last": 4}
 
 
 def test_nothing_moves_unless_enabled():

@@ -138,10 +138,10 @@ def test_a_usual_racket_is_added_where_there_is_none(folder):
 
 
 def refused(folder, text, tip="hand", **given):
-    with pytest.raises(UrdfError) as told:
+    with pytest.raises(UrdfError) as error:
         ArmModel.from_urdf(written(folder, text), tip, **given)
-    assert str(told.value)
-    return told.value.failure.code, told.value.failure.values
+    assert str(error.value)
+    return error.value.failure.code, error.value.failure.values
 
 
 LIMIT = (-1.0, 1.0, 2, 10)
@@ -204,9 +204,9 @@ def test_a_bad_choice_is_refused_with_its_numbers(folder):
     assert refused(folder, FIVE, options=UrdfOptions(limits={"elbow": {"velocity": np.nan}}))[0] is UrdfFailure.BAD_NUMBER
     assert refused(folder, FIVE, options=UrdfOptions(left_out=("l3",)))[0] is UrdfFailure.ON_THE_CHAIN
     assert refused(folder, FIVE, options=UrdfOptions(left_out=("l9",)))[0] is UrdfFailure.UNKNOWN_LINK
-    with pytest.raises(UrdfError) as told:
+    with pytest.raises(UrdfError) as error:
         ArmModel.from_urdf(folder / "nothing.urdf", "hand")
-    assert told.value.failure.code is UrdfFailure.NOT_READABLE
+    assert error.value.failure.code is UrdfFailure.NOT_READABLE
     path = written(folder, FIVE)
     with pytest.raises(BadShape):
         ArmModel.from_urdf(path, "hand", waiting=[0.0] * 7)

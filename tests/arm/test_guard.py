@@ -185,9 +185,9 @@ def test_a_stop_keeps_the_braking_limit():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(OutOfRange) as told:
+    with pytest.raises(OutOfRange) as error:
         GuardParams(margin=-1.0)
-    assert (told.value.name, told.value.value) == ("margin", -1.0)
+    assert (error.value.name, error.value.value) == ("margin", -1.0)
 
 
 def test_a_command_whose_holding_would_end_in_the_table_does_not_leave():

@@ -98,9 +98,9 @@ def test_base_and_mount_are_where_they_are_asked():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         MODEL.racket(np.zeros(6))
-    assert (told.value.name, told.value.shape) == ("q", (6,))
-    with pytest.raises(NotFinite) as told:
+    assert (error.value.name, error.value.shape) == ("q", (6,))
+    with pytest.raises(NotFinite) as error:
         ArmModel.pa10(base=(np.nan, 0, 0, 0))
-    assert told.value.name == "base"
+    assert error.value.name == "base"

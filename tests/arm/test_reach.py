@@ -130,6 +130,6 @@ def test_the_whole_search_is_quick():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(OutOfRange) as told:
+    with pytest.raises(OutOfRange) as error:
         ReachParams(grid=2)
-    assert (told.value.name, told.value.value) == ("grid", 2)
+    assert (error.value.name, error.value.value) == ("grid", 2)

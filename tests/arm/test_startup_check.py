@@ -28,16 +28,16 @@ def test_this_arm_can_play():
     ],
 )
 def test_an_arm_that_cannot_play_is_told(changes, code, values):
-    with pytest.raises(StartupError) as told:
+    with pytest.raises(StartupError) as error:
         check_feasible(ArmModel.pa10(**changes), SwingLimits())
-    assert told.value.failure.code is code
-    assert values.items() <= told.value.failure.values.items()
+    assert error.value.failure.code is code
+    assert values.items() <= error.value.failure.values.items()
 
 
 def test_an_arm_that_is_too_far_tells_how_far():
-    with pytest.raises(StartupError) as told:
+    with pytest.raises(StartupError) as error:
         check_feasible(ArmModel.pa10(base=(-2.0, 0.7625, -0.06, 0.0)), SwingLimits())
-    values = told.value.failure.values
+    values = error.value.failure.values
     assert values["reason"].code is ReachFailure.OUT_OF_REACH
     assert values["far"] == pytest.approx(2.03, abs=0.01)  # m from the base to the furthest of the typical strokes
     assert values["far"] > values["length"]
@@ -55,17 +55,17 @@ def test_an_arm_that_is_too_far_tells_how_far():
 def test_a_bad_urdf_is_told(tmp_path, old, new, code, values):
     bad = tmp_path / "bad.urdf"
     bad.write_text(URDF.read_text().replace(old, new))
-    with pytest.raises(UrdfError) as told:
+    with pytest.raises(UrdfError) as error:
         ArmModel.pa10(urdf=str(bad))
-    assert told.value.failure.code is code
-    assert values.items() <= told.value.failure.values.items()
+    assert error.value.failure.code is code
+    assert values.items() <= error.value.failure.values.items()
 
 
 def test_a_waiting_posture_beyond_a_limit_is_told():
-    with pytest.raises(OutOfRange) as told:
+    with pytest.raises(OutOfRange) as error:
         ArmModel.pa10(waiting=(4.0, 0, 0, 0, 0, 0, 0))
-    assert "s1" in told.value.name
-    assert told.value.value == 4.0
+    assert "s1" in error.value.name
+    assert error.value.value == 4.0
 
 
 @pytest.mark.parametrize(
@@ -78,10 +78,10 @@ def test_a_waiting_posture_beyond_a_limit_is_told():
     ],
 )
 def test_a_guard_that_would_cut_what_swings_use_is_told(guard, limits, code, values):
-    with pytest.raises(StartupError) as told:
+    with pytest.raises(StartupError) as error:
         check_guard(MODEL, SwingLimits(**limits), GuardParams(**guard))
-    assert told.value.failure.code is code
-    assert values.items() <= told.value.failure.values.items()
+    assert error.value.failure.code is code
+    assert values.items() <= error.value.failure.values.items()
 
 
 def test_the_guard_lets_swings_pass():

@@ -182,9 +182,9 @@ def test_the_table_of_a_swing_holds_the_strike():
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(BadChoice) as told:
+    with pytest.raises(BadChoice) as error:
         SwingLimits(profile="cubic")
-    assert (told.value.name, told.value.value) == ("profile", "cubic")
-    with pytest.raises(BadShape) as told:
+    assert (error.value.name, error.value.value) == ("profile", "cubic")
+    with pytest.raises(BadShape) as error:
         Joints(0.0, np.zeros(6), np.zeros(7))
-    assert (told.value.name, told.value.shape, told.value.wanted) == ("qdot", (7,), (6,))
+    assert (error.value.name, error.value.shape, error.value.wanted) == ("qdot", (7,), (6,))

@@ -14,7 +14,7 @@ LAUNCHED = BallState(10.0, [2.6, 0.76, 0.3], [-6.0, 0.1, 1.0], [0, -300, 0])
 GOAL = ReturnGoal([2.0, 0.7], 0.6, 100, 0)
 
 
-def told(**changes):
+def values(**changes):
     def row(time, position, velocity=(4.0, 0, 2.0), spin=(0, 104, 1)):
         return json.dumps([time, *position, *velocity, *spin])
 
@@ -34,7 +34,7 @@ MEASURED = BallState.from_vector(10.02, fly(LAUNCHED.vector, 0.02, AIR.coefficie
 
 
 def test_a_returned_ball():
-    s = demo_metrics(told(), GOAL, MEASURED, 40.0, None, AIR)
+    s = demo_metrics(values(), GOAL, MEASURED, 40.0, None, AIR)
     assert (s.seen, s.hit, s.landed, s.reason) == (True, True, True, None)
     assert s.spin_error_rpm == pytest.approx(5.0 * 60 / (2 * np.pi))
     assert s.speed_true == pytest.approx(s.speed_measured)
@@ -44,7 +44,7 @@ def test_a_returned_ball():
     json.dumps(s.as_dict())
 
 
-MISSED = told(result="missed", hit="null", after_hit="null", offset="null", landing="null")
+MISSED = values(result="missed", hit="null", after_hit="null", offset="null", landing="null")
 
 
 @pytest.mark.parametrize(
@@ -64,5 +64,5 @@ def test_a_missed_ball_has_its_reason(values, measured, refusal, reason):
 
 
 def test_columns_stand_under_their_heads():
-    widths = {len(row) for row in HEADER.splitlines()} | {len(line(demo_metrics(told(), GOAL, MEASURED, 40.0, None, AIR)))}
+    widths = {len(row) for row in HEADER.splitlines()} | {len(line(demo_metrics(values(), GOAL, MEASURED, 40.0, None, AIR)))}
     assert len(widths) == 1 and widths.pop() <= 130  # columns of a terminal

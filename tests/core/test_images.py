@@ -57,9 +57,9 @@ def test_grey_without_gaps_is_a_view(encoding):
 
 @pytest.mark.parametrize("encoding", ["", "8SC1", "8UC2", "32FC1", "64FC4", "jpeg", "x" * 10**6])
 def test_an_encoding_without_brightness_is_refused_by_name(encoding):
-    with refused(BadMessage, "mono8") as told:
+    with refused(BadMessage, "mono8") as error:
         grey_image(encoding, WIDTH, HEIGHT, WIDTH, bytes(WIDTH * HEIGHT))
-    assert len(str(told.value)) < 1000
+    assert len(str(error.value)) < 1000
 
 
 @pytest.mark.parametrize(

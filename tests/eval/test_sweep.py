@@ -102,8 +102,8 @@ def test_a_wrong_call_is_refused_before_anything_starts(tmp_path):
     command = [sys.executable, "-m", "tt_eval.sweep"]
     bad = tmp_path / "bad.yaml"
     bad.write_text("launcher: {rate: -3}")
-    told = subprocess.run([*command, str(bad), "--out", str(tmp_path / "run.parquet")], capture_output=True, text=True, env=os.environ)
-    assert told.returncode == 2 and "bad.yaml: launcher.rate: " in told.stderr
+    done = subprocess.run([*command, str(bad), "--out", str(tmp_path / "run.parquet")], capture_output=True, text=True, env=os.environ)
+    assert done.returncode == 2 and "bad.yaml: launcher.rate: " in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["bad.yaml"]
     with pytest.raises(NoScheduler) as error:
         sweep(SCENARIO, 1, tmp_path / "run.parquet", scheduler="tcp://127.0.0.1:1")
@@ -126,10 +126,10 @@ def test_what_the_judge_gets_wrong_is_told(whole, tmp_path):
     pq.write_table(whole, run)
     sweep = Sweep.read(run)
     off = sweep.numbers["judged_landing_x"] - sweep.numbers["landing_x"]
-    told = dict(zip(JUDGE, judge_errors(sweep), strict=True))
-    assert told["landing x, mm"] == f"{1e3 * off.mean():+.2f} ± {1e3 * off.std():.2f}"
+    errors = dict(zip(JUDGE, judge_errors(sweep), strict=True))
+    assert errors["landing x, mm"] == f"{1e3 * off.mean():+.2f} ± {1e3 * off.std():.2f}"
     assert np.abs(off).max() < 2e-3  # m; 1 mm at most in 200 balls on the day
-    assert told["miss told otherwise, balls"] == "0"
+    assert errors["miss told otherwise, balls"] == "0"
     true, judged = returns(sweep.numbers, sweep.misses), returns(sweep.numbers, sweep.judged, "judged_")
     assert true[:3] == judged[:3] == [str(BALLS), "100.0", "100.0"]
 
@@ -138,11 +138,11 @@ def test_a_file_that_is_no_sweep_is_refused(tmp_path, whole, monkeypatch, capsys
     bad, old, missing = tmp_path / "bad.parquet", tmp_path / "old.parquet", tmp_path / "none.parquet"
     bad.write_text("no parquet")
     pq.write_table(whole.drop_columns(["judged_landed"]), old)
-    for file, told in ((bad, "is no Parquet file"), (old, "has no column judged_landed"), (missing, "is no Parquet file")):
+    for file, text in ((bad, "is no Parquet file"), (old, "has no column judged_landed"), (missing, "is no Parquet file")):
         monkeypatch.setattr(sys, "argv", ["evaluate", str(file)])
         with pytest.raises(SystemExit) as ended:
             evaluate()
-        assert ended.value.code == 2 and told in capsys.readouterr().err
+        assert ended.value.code == 2 and text in capsys.readouterr().err
 
 
 def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, monkeypatch):
@@ -154,7 +154,7 @@ def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, m
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "text"),
     [
         ("speed: 3", "mine.yaml: speed: "),
         ("world: {cameras: {dropped: 2.0}}", "mine.yaml: world.cameras.dropped: "),
@@ -162,12 +162,12 @@ def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, m
         ("a: [1", "mine.yaml: "),
     ],
 )
-def test_a_wrong_scenario_is_refused_on_the_command_line(content, told, tmp_path):
+def test_a_wrong_scenario_is_refused_on_the_command_line(content, text, tmp_path):
     """By a process of its own, as its user sees it: exit code 2, the path in the file, no traceback, and nothing was begun."""
     (tmp_path / "mine.yaml").write_text(content)
     out = tmp_path / "run.parquet"
     command = [sys.executable, "-m", "tt_eval.sweep", str(tmp_path / "mine.yaml"), "--balls", "10", "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr.startswith(f"sweep: {told}") and "Traceback" not in done.stderr
+    assert done.stderr.startswith(f"sweep: {text}") and "Traceback" not in done.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["mine.yaml"]

@@ -45,16 +45,16 @@ def test_a_node_that_stamps_answers_and_its_clock_is_right(start, probe, until):
 
 
 def test_a_clock_that_is_off_is_named_with_its_offset(probe, answer, until):
-    told = []
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: told.extend(read_status(m)), 10)
+    statuses = []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: statuses.extend(read_status(m)), 10)
     monitor = ClockMonitor(probe, Status(probe))
     answer("right", 0.0)
     answer("wrong", OFF)
     until(lambda: monitor.worst() is not None and monitor.worst().source == "wrong", probe)
     worst = monitor.worst()
     assert abs(worst.offset - OFF) <= worst.uncertainty + 1e-6 and 0.0 < worst.least <= OFF + 1e-6
-    until(lambda: any(values["worst"] == "wrong" for *_, values in told), probe)
-    values = next(values for *_, values in told if values["worst"] == "wrong")
+    until(lambda: any(values["worst"] == "wrong" for *_, values in statuses), probe)
+    values = next(values for *_, values in statuses if values["worst"] == "wrong")
     assert float(values["least_ms"]) > 0.0 and "wrong" in json.loads(values["offset_and_uncertainty_ms"])
 
 

@@ -61,10 +61,10 @@ def test_two_machines_play_as_one_does(alone, pair, capsys):
 
 def test_the_clocks_agree(pair):
     session, *_ = pair
-    session.wait(lambda: any(t.name == "watch" for t in session.told), NEXT, "clock offsets")
-    told = [t.values for t in session.told if t.name == "watch"]
-    assert {"sim", "estimate"} >= {values["worst"] for values in told}
-    assert all(float(values["least_ms"]) == 0.0 for values in told)  # both machines have the clock of this one
+    session.wait(lambda: any(t.name == "watch" for t in session.statuses), NEXT, "clock offsets")
+    offsets = [t.values for t in session.statuses if t.name == "watch"]
+    assert {"sim", "estimate"} >= {values["worst"] for values in offsets}
+    assert all(float(values["least_ms"]) == 0.0 for values in offsets)  # both machines have the clock of this one
 
 
 @pytest.mark.parametrize("duration", [0.2, 1.0, 5.0])
@@ -85,7 +85,7 @@ def test_the_recording_is_whole(pair):
     """Readable, and with every result that the nodes of the recorder's own machine told of, in order, across all cuts."""
     session, bag, cuts = pair
     session.close()
-    recorded, told = defaultdict(list), defaultdict(list)  # stamps of results, s; by topic
+    recorded, reported = defaultdict(list), defaultdict(list)  # stamps of results, s; by topic
     after = 0  # messages of the other machine after the last cut
     with AnyReader([bag]) as reader:
         for connection, time, raw in reader.messages():
@@ -95,11 +95,11 @@ def test_the_recording_is_whole(pair):
             elif connection.topic == "/diagnostics":
                 for one in read_status(message):
                     if one.event in RESULTS:
-                        told[RESULTS[one.event]].append(float(one.values["stamp"]))
+                        reported[RESULTS[one.event]].append(float(one.values["stamp"]))
             elif connection.topic == "/joint_states":
                 after += bool(cuts) and time * 1e-9 > cuts[-1][1]
     for topic in RESULTS.values():
-        count = len(told[topic])
-        assert count > BALLS and recorded[topic][:count] == pytest.approx(told[topic], abs=1e-6), topic
+        count = len(reported[topic])
+        assert count > BALLS and recorded[topic][:count] == pytest.approx(reported[topic], abs=1e-6), topic
         assert len(recorded[topic]) <= count + 1, topic  # the recorder may end between a result and what is told of it
     assert after > 0 or not cuts

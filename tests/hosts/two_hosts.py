@@ -114,11 +114,11 @@ def _holder(stack: ExitStack) -> int:
 
 @dataclass
 class Session:
-    """Launches and watches on machines; what the watches hear is in `told`, in the order of its arrival."""
+    """Launches and watches on machines; what the watches hear is in `statuses`, in the order of its arrival."""
 
     folder: Path
     domain: int
-    told: list[ReceivedStatus] = field(default_factory=list)
+    statuses: list[ReceivedStatus] = field(default_factory=list)
     _running: list[subprocess.Popen[str]] = field(default_factory=list)
 
     def launch(self, machine: Machine, *arguments: str) -> subprocess.Popen[str]:
@@ -133,9 +133,9 @@ class Session:
 
         def read() -> None:
             for line in watch.stdout or ():
-                told = ReceivedStatus(**json.loads(line))
-                if not names or told.name in names:
-                    self.told.append(told)
+                status = ReceivedStatus(**json.loads(line))
+                if not names or status.name in names:
+                    self.statuses.append(status)
 
         threading.Thread(target=read, daemon=True).start()
 
@@ -153,18 +153,18 @@ class Session:
             if ended := [process.args for process in self._running if process.poll() is not None]:
                 raise TimeoutError(f"{what}: {ended} ended")
             if time.monotonic() > end:
-                last = {t.name: t.message for t in self.told}
+                last = {t.name: t.message for t in self.statuses}
                 raise TimeoutError(f"{what}: not within {bound:g} s; last told: {last}")
             time.sleep(0.02)
 
     def balls(self, since: float = 0.0) -> list[ReceivedStatus]:
         """Return what the simulator told of each ball that was launched after `since` (s)."""
-        over = [t for t in self.told if t.event is Event.BALL_OVER]
+        over = [t for t in self.statuses if t.event is Event.BALL_OVER]
         return [ball for ball in over if json.loads(ball.values["launched"])[0] > since]
 
     def latencies(self, since: float = 0.0) -> list[float]:
         """Return the time from the last frame to the first command of each swing since `since` (s), in ms."""
-        begun = [t for t in self.told if t.event is Event.FIRST_COMMAND and t.time > since]
+        begun = [t for t in self.statuses if t.event is Event.FIRST_COMMAND and t.time > since]
         return [float(t.values["latency_ms"]) for t in begun]
 
     def close(self) -> None:

@@ -21,8 +21,8 @@ class Watch(Node):
         self.monitor = ClockMonitor(self, Status(self))
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        for told in read_status(message):
-            print(json.dumps(told._asdict()), flush=True)
+        for status in read_status(message):
+            print(json.dumps(status._asdict()), flush=True)
 
 
 if __name__ == "__main__":

@@ -35,13 +35,13 @@ class Bench:
 
         self.probe, self.plant, self.command = probe, Plant(MODEL), np.zeros(7)
         self.joints = Joints(time.time(), MODEL.waiting, np.zeros(7))
-        self.commands, self.told, self.swings = 0, [], []
+        self.commands, self.statuses, self.swings = 0, [], []
         self.fault = None  # what makes the joint states wrong that are published
         self.states = probe.create_publisher(JointState, "/joint_states", RELIABLE)
         self.strokes = probe.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
         probe.create_subscription(JointTrajectory, "/arm/swing", self.swings.append, RELIABLE)
-        probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: self.told.extend(read_status(m)), RELIABLE)
+        probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: self.statuses.extend(read_status(m)), RELIABLE)
 
     def on_command(self, message):
         self.commands += 1
@@ -83,11 +83,11 @@ class Bench:
             self.run(TICK)
 
     def messages(self):
-        return [message for _, name, message, _ in self.told if name == "arm"]
+        return [message for _, name, message, _ in self.statuses if name == "arm"]
 
     def codes(self):
         """Of what has stopped the arm, see `tt_arm.safety.stops`."""
-        return [values["code"] for _, name, _, values in self.told if name == "arm" and "code" in values]
+        return [values["code"] for _, name, _, values in self.statuses if name == "arm" and "code" in values]
 
 
 @pytest.fixture
@@ -146,10 +146,10 @@ def test_a_stroke_is_made_in_time_once_enabled(start, probe, until, bench):
     assert there.position == pytest.approx(racket.position, abs=8e-3)
     assert there.rotation[:, 2] @ racket.normal > np.cos(np.radians(2.0))
     assert bench.joints.q == pytest.approx(MODEL.waiting, abs=0.02)  # and back again
-    told = {message: values for _, name, message, values in bench.told if name == "arm"}
-    assert told["swing"]["chosen"] == "1"
-    assert told["swing"]["code"] == ReachFailure.OUT_OF_REACH.name  # of the first candidate
-    assert 0.0 < float(told["first command"]["latency_ms"]) < 1e3 * LEAD
+    by_message = {message: values for _, name, message, values in bench.statuses if name == "arm"}
+    assert by_message["swing"]["chosen"] == "1"
+    assert by_message["swing"]["code"] == ReachFailure.OUT_OF_REACH.name  # of the first candidate
+    assert 0.0 < float(by_message["first command"]["latency_ms"]) < 1e3 * LEAD
     assert bench.swings[-1].joint_names == list(MODEL.names)
 
     stroke()
@@ -202,11 +202,11 @@ def test_harmless_faults_of_joint_states_stop_the_arm_and_it_goes_on_by_itself(b
 
     for name, (fault, code) in {**HARMLESS, "stamp standing still": (stand_still, ArmStop.OLD)}.items():
         print(name)
-        bench.told.clear()
+        bench.statuses.clear()
         bench.fault = fault
         bench.rest(code)
         bench.fault = None
-        bench.told.clear()
+        bench.statuses.clear()
         bench.moves()
 
 
@@ -216,15 +216,15 @@ def test_silence_and_second_publishers_stop_the_arm_and_it_goes_on_by_itself(pro
 
     until(lambda: np.all(bench.command == 0.0), probe, 5.0)  # nobody ticks
     until(lambda: ArmStop.SILENT.name in bench.codes(), probe, 5.0)
-    bench.told.clear()
+    bench.statuses.clear()
     bench.moves()
     for kind, topic in ((JointState, "/joint_states"), (Float64MultiArray, "/arm_velocity_controller/commands")):
-        bench.told.clear()
+        bench.statuses.clear()
         second = probe.create_publisher(kind, topic, 1)
         bench.rest(ArmStop.SECOND_PUBLISHER)
         assert any("/probe" in message for message in bench.messages())
         probe.destroy_publisher(second)
-        bench.told.clear()
+        bench.statuses.clear()
         bench.moves()
 
 
@@ -249,7 +249,7 @@ def test_a_person_stops_the_arm_and_slows_it_down(probe, until, bench, homeward)
     bench.rest(ArmStop.STOPPED)
     bench.run(0.3)
     assert np.all(bench.command == 0.0)
-    bench.told.clear()
+    bench.statuses.clear()
     assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
     bench.moves()
 
@@ -281,7 +281,7 @@ def test_damage_latches_until_a_person_enables(probe, until, bench, homeward, fa
     bench.fault = None
     bench.run(0.5)
     assert np.all(bench.command == 0.0)
-    bench.told.clear()
+    bench.statuses.clear()
     assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
     bench.moves()
 

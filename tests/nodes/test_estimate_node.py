@@ -43,9 +43,9 @@ def frames():
 def test_a_flight_is_measured(start, probe, until, frames, words, told_last, off):
     parameters = [word for name in words for word in ("-p", name)]
     start("tt_vision.estimate_node", "--ros-args", "-r", "/ball/measured:=/ball/seen", *parameters)
-    got, told = [], []
+    got, statuses = [], []
     probe.create_subscription(Odometry, "/ball/seen", got.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     images = [probe.create_publisher(Image, f"/camera/{name}/image_raw", SENSOR) for name in SIDES]
     infos = [probe.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in SIDES]
     until(lambda: all(p.get_subscription_count() == 1 for p in images + infos), probe)
@@ -61,10 +61,10 @@ def test_a_flight_is_measured(start, probe, until, frames, words, told_last, off
             time.sleep(0.002)
 
     def heard(text):
-        return any(text in message for array in told for _, _, message, _ in read_status(array))
+        return any(text in message for array in statuses for _, _, message, _ in read_status(array))
 
     def refused(code):
-        return any(values.get("code") == code for array in told for *_, values in read_status(array))
+        return any(values.get("code") == code for array in statuses for *_, values in read_status(array))
 
     until(lambda: refused("NO_CAMERA_INFO") or send(), probe)
     for publisher, camera, name in zip(infos, high_speed_pair(), SIDES, strict=True):
@@ -143,9 +143,9 @@ BAD_IMAGES = {
 def test_it_lives_through_whatever_comes(start, probe, until, frames):
     """Bad calibrations, images and stamps, one after the other; after each of them the next ball is measured."""
     start("tt_vision.estimate_node")
-    got, told = [], []
+    got, statuses = [], []
     probe.create_subscription(Odometry, "/ball/measured", got.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(read_status(message)), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(read_status(message)), RELIABLE)
     images = [probe.create_publisher(Image, f"/camera/{name}/image_raw", RELIABLE) for name in SIDES]
     infos = [probe.create_publisher(CameraInfo, f"/camera/{name}/camera_info", qos_profile_sensor_data) for name in SIDES]
     until(lambda: all(p.get_subscription_count() == 1 for p in images + infos), probe)  # of best effort and volatile, as drivers have it
@@ -166,8 +166,8 @@ def test_it_lives_through_whatever_comes(start, probe, until, frames):
         until(lambda: got or send(), probe)
 
     def is_refused(publisher, message, words):
-        told.clear()
-        until(lambda: any(words in text for _, _, text, _ in told) or publisher.publish(message), probe)
+        statuses.clear()
+        until(lambda: any(words in text for _, _, text, _ in statuses) or publisher.publish(message), probe)
 
     measures_the_next_ball()
     for make, words in BAD_INFOS.values():
@@ -197,8 +197,8 @@ def test_it_lives_through_whatever_comes(start, probe, until, frames):
 
 def test_a_flood_of_bad_images_does_not_flood_the_diagnostics(start, probe, until):
     start("tt_vision.estimate_node")
-    told = []
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(read_status(message)), RELIABLE)
+    statuses = []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(read_status(message)), RELIABLE)
     image = probe.create_publisher(Image, "/camera/left/image_raw", SENSOR)
     until(lambda: image.get_subscription_count() == 1 and probe.count_publishers("/diagnostics") == 1, probe)
     begin = time.monotonic()
@@ -207,10 +207,10 @@ def test_a_flood_of_bad_images_does_not_flood_the_diagnostics(start, probe, unti
         for _ in range(50):
             image.publish(Image(encoding="none"))
 
-    until(lambda: any(int(values["left_out"]) > 10 for *_, values in told) or flood(), probe)
+    until(lambda: any(int(values["left_out"]) > 10 for *_, values in statuses) or flood(), probe)
     most = 2 + (time.monotonic() - begin) / 0.1
-    assert len(told) <= most
-    assert [int(values["total"]) for *_, values in told] == sorted(int(values["total"]) for *_, values in told)
+    assert len(statuses) <= most
+    assert [int(values["total"]) for *_, values in statuses] == sorted(int(values["total"]) for *_, values in statuses)
 
 
 def test_a_bad_parameter_ends_it_with_the_reason(start):

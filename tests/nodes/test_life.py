@@ -121,27 +121,27 @@ def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe,
 
 
 def test_it_tells_what_it_waits_for(probe, until, monkeypatch):
-    told = []
+    statuses = []
 
     def refuse(error: TtError) -> None:
         raise error
 
     monkeypatch.setattr(status_module, "GRACE", 2.5)
     monkeypatch.setattr(status_module, "PERIOD", 0.2)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(message.status), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(message.status), RELIABLE)
     ball = Input(probe, Odometry, "ball/state", lambda _: None, RELIABLE, largest=10_000, refused=refuse)
     Status(probe).wait_for([ball])
 
     def last():
-        return (told[-1].name, told[-1].level, told[-1].message, {v.key: v.value for v in told[-1].values}) if told else None
+        return [(s.name, s.level, s.message, {v.key: v.value for v in s.values}) for s in statuses[-1:]]
 
     words = "waiting for a publisher of /ball/state"
-    until(lambda: last() == ("probe: inputs", DiagnosticStatus.OK, words, {"/ball/state": "0"}), probe)
-    until(lambda: last() == ("probe: inputs", DiagnosticStatus.WARN, words, {"/ball/state": "0"}), probe)
+    until(lambda: last() == [("probe: inputs", DiagnosticStatus.OK, words, {"/ball/state": "0"})], probe)
+    until(lambda: last() == [("probe: inputs", DiagnosticStatus.WARN, words, {"/ball/state": "0"})], probe)
     publisher = probe.create_publisher(Odometry, "/ball/state", RELIABLE)
-    until(lambda: last() == ("probe: inputs", DiagnosticStatus.OK, "ready", {"/ball/state": "1"}), probe)
+    until(lambda: last() == [("probe: inputs", DiagnosticStatus.OK, "ready", {"/ball/state": "1"})], probe)
     probe.destroy_publisher(publisher)
-    until(lambda: last() == ("probe: inputs", DiagnosticStatus.WARN, words, {"/ball/state": "0"}), probe)
+    until(lambda: last() == [("probe: inputs", DiagnosticStatus.WARN, words, {"/ball/state": "0"})], probe)
 
 
 @pytest.mark.parametrize("willing", [True, False])

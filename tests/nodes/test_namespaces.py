@@ -35,9 +35,9 @@ def test_two_robots_play_at_the_same_time(robots, probe, until):
     results = {f"{name}/sim": list[str]() for name in ROBOTS}
 
     def on_status(message):
-        for told in read_status(message):
-            if told.event is Event.BALL_OVER:
-                results[told.name].append(told.values["result"])
+        for status in read_status(message):
+            if status.event is Event.BALL_OVER:
+                results[status.name].append(status.values["result"])
 
     def launch_until_returned():
         """Launch a ball for each robot that has not returned one: on a busy machine a ball may be missed."""

@@ -41,19 +41,19 @@ def test_identified_coefficients_are_taken_and_the_covariance_is_told(start, pro
     found = Identified(Physics.liu(), ("air.drag",), np.array([0.4]), np.array([0.01]), {}, (1e-3, 1e-3))
     write_parameters(found, "liu", tmp_path / "found.yaml")
     start("tt_predict.predict_node", "--ros-args", "--params-file", str(tmp_path / "found.yaml"), "-p", "until_x:=-0.2")
-    got, told = [], []
+    got, statuses = [], []
     probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: told.extend(read_status(m)), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: statuses.extend(read_status(m)), RELIABLE)
     out = probe.create_publisher(Odometry, "/ball/state", RELIABLE)
     until(lambda: out.get_subscription_count() == 1 and probe.count_publishers("/diagnostics") == 1, probe)
 
     covariance = np.diag(np.repeat([5e-4, 0.02, 10.0], 3) ** 2)
     ball = BallState.from_vector(BALL.time, BALL.vector, covariance)
     out.publish(ball_to_message(ball))
-    until(lambda: got and any("covariance" in values for *_, values in told), probe)
+    until(lambda: got and any("covariance" in values for *_, values in statuses), probe)
     physics = Physics(air=type(Physics.liu().air)(drag=0.4))
     assert path_from_message(got[0]).end.vector == pytest.approx(rollout(BALL, physics, StopRule.at_x(-0.2)).end.vector, abs=1e-6)
-    (values,) = [values for *_, values in told if "covariance" in values]
+    (values,) = [values for *_, values in statuses if "covariance" in values]
     wanted = uncertainty(ball, physics, StopRule.at_x(-0.2)).covariance
     # four digits are told
     assert np.array(json.loads(values["covariance"])) == pytest.approx(wanted, rel=1e-3, abs=1e-9 * np.abs(wanted).max())
@@ -111,9 +111,9 @@ EXTREME_STATES = [
 def test_it_lives_through_whatever_comes(start, probe, until):
     """Each bad state is refused by name, states at the bounds are answered or refused, and the next good one is answered."""
     start("tt_predict.predict_node")
-    got, told = [], []
+    got, statuses = [], []
     probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(read_status(message)), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(read_status(message)), RELIABLE)
     out = probe.create_publisher(Odometry, "/ball/state", RELIABLE)
     until(lambda: out.get_subscription_count() == 1 and probe.count_publishers("/diagnostics") == 1, probe)
 
@@ -122,8 +122,8 @@ def test_it_lives_through_whatever_comes(start, probe, until):
         until(lambda: got or out.publish(ball_to_message(BALL)), probe)
 
     for message, words in BAD_STATES.values():
-        told.clear()
-        until(lambda words=words, message=message: any(words in text for _, _, text, _ in told) or out.publish(message), probe)
+        statuses.clear()
+        until(lambda words=words, message=message: any(words in text for _, _, text, _ in statuses) or out.publish(message), probe)
     answers_the_next_state()
     for message in EXTREME_STATES:
         out.publish(message)
@@ -154,13 +154,13 @@ def test_a_clock_before_1970_does_not_end_a_node(start, probe, until):
     node = start("tt_predict.predict_node", "--ros-args", "-p", "use_sim_time:=true")
     clock = probe.create_publisher(Clock, "/clock", 10)
     until(lambda: clock.get_subscription_count() == 1, probe)
-    told = []
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, 10)
+    statuses = []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, 10)
 
     def follows():
         for seconds in (-1, -(2**31), 2**31 - 1, 5):
             clock.publish(Clock(clock=Time(sec=seconds, nanosec=7)))
-        return any(message.header.stamp.sec == 5 for message in told)
+        return any(message.header.stamp.sec == 5 for message in statuses)
 
     until(follows, probe)
     assert node.poll() is None

@@ -109,9 +109,9 @@ EXTREME_PATHS = [
 def test_it_lives_through_whatever_comes(start, probe, until):
     """Each bad path and goal is refused by name, paths at the bounds are answered or refused, and the next good path is answered."""
     start("tt_racket.racket_node")
-    got, told = [], []
+    got, statuses = [], []
     probe.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", got.append, LATEST)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: told.extend(read_status(message)), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(read_status(message)), RELIABLE)
     goal = probe.create_publisher(MultiDOFJointTrajectory, "/return/goal", RELIABLE)  # volatile, as from a command line
     out = probe.create_publisher(MultiDOFJointTrajectory, "/ball/path", RELIABLE)
     until(lambda: all(p.get_subscription_count() == 1 for p in (goal, out)) and probe.count_publishers("/diagnostics") == 1, probe)
@@ -122,9 +122,9 @@ def test_it_lives_through_whatever_comes(start, probe, until):
 
     for publisher, make, cases in ((out, a_path, BAD_PATHS), (goal, a_goal, BAD_GOALS)):
         for spoil, words in cases.values():
-            told.clear()
+            statuses.clear()
             message = spoil(make())
-            until(lambda p=publisher, m=message, w=words: any(w in text for _, _, text, _ in told) or p.publish(m), probe)
+            until(lambda p=publisher, m=message, w=words: any(w in text for _, _, text, _ in statuses) or p.publish(m), probe)
         answers_the_next_path()
     for spoil in EXTREME_PATHS:
         out.publish(spoil(a_path()))

@@ -92,8 +92,8 @@ def test_the_recording_is_a_bag_that_others_open(rally):
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
-    told = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-    assert told["version"] == 9
+    info = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert info["version"] == 9
     with next(bag.glob("*.mcap")).open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()

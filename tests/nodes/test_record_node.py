@@ -136,8 +136,8 @@ def image(size=100_000):
 
 def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path):
     """The file of the recorder may not grow beyond 20 MB; then it may again."""
-    output, told = probe.create_publisher(Image, "/image", 10), []
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    output, statuses = probe.create_publisher(Image, "/image", 10), []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     bag, picture = tmp_path / "bag", image(1_000_000)
     recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "topics:=[/image]")
     until(lambda: output.get_subscription_count(), probe)
@@ -145,7 +145,7 @@ def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path)
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (20_000_000, hard))
 
     def words():
-        return [(status.message, status.level, {v.key: v.value for v in status.values}) for m in told for status in m.status]
+        return [(status.message, status.level, {v.key: v.value for v in status.values}) for m in statuses for status in m.status]
 
     def dropping():
         output.publish(picture)

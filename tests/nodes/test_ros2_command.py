@@ -44,16 +44,16 @@ def ros2(ros):
 
 
 @pytest.fixture
-def told(ros2, probe, until):
+def printed(ros2, probe, until):
     """told(*words) runs the command to its end while the probe answers; returns exit code, output and errors."""
 
-    def told(*words):
+    def printed(*words):
         process = ros2(*words)
         until(lambda: process.poll() is not None, probe)
         output = process.communicate()[0]
         return process.returncode, output
 
-    return told
+    return printed
 
 
 @pytest.fixture
@@ -70,31 +70,31 @@ def points(probe):
     return output
 
 
-def test_it_tells_of_the_graph(told, points):
-    assert "/probe" in told("node", "list")[1].splitlines()
-    assert "/point [geometry_msgs/msg/PointStamped]" in told("topic", "list", "-t")[1].splitlines()
-    assert told("topic", "type", "/point") == (0, "geometry_msgs/msg/PointStamped\n")
-    assert told("topic", "find", "geometry_msgs/PointStamped") == (0, "/point\n")
-    code, text = told("topic", "info", "-v", "/point")
+def test_it_tells_of_the_graph(printed, points):
+    assert "/probe" in printed("node", "list")[1].splitlines()
+    assert "/point [geometry_msgs/msg/PointStamped]" in printed("topic", "list", "-t")[1].splitlines()
+    assert printed("topic", "type", "/point") == (0, "geometry_msgs/msg/PointStamped\n")
+    assert printed("topic", "find", "geometry_msgs/PointStamped") == (0, "/point\n")
+    code, text = printed("topic", "info", "-v", "/point")
     assert code == 0 and text.startswith("Type: geometry_msgs/msg/PointStamped\n\nPublisher count: 1\n\nNode name: probe\n")
-    assert "    /point: geometry_msgs/msg/PointStamped\n" in told("node", "info", "/probe")[1]
-    assert "/probe/set_parameters [rcl_interfaces/srv/SetParameters]" in told("service", "list", "-t")[1].splitlines()
-    assert "  use_sim_time (type: boolean)" in told("param", "list", "/probe", "--param-type")[1].splitlines()
+    assert "    /point: geometry_msgs/msg/PointStamped\n" in printed("node", "info", "/probe")[1]
+    assert "/probe/set_parameters [rcl_interfaces/srv/SetParameters]" in printed("service", "list", "-t")[1].splitlines()
+    assert "  use_sim_time (type: boolean)" in printed("param", "list", "/probe", "--param-type")[1].splitlines()
     for words in ("topic info /nothing", "topic echo /nothing", "node info /nobody", "param get /nobody use_sim_time"):
-        assert told(*words.split())[0] == 1, words
-    assert told("topic", "type", "/nothing") == (1, "")
+        assert printed(*words.split())[0] == 1, words
+    assert printed("topic", "type", "/nothing") == (1, "")
 
 
-def test_it_prints_messages(told, points):
-    whole = yaml.safe_load(told("topic", "echo", "/point", "--once")[1].removesuffix("---\n"))
+def test_it_prints_messages(printed, points):
+    whole = yaml.safe_load(printed("topic", "echo", "/point", "--once")[1].removesuffix("---\n"))
     assert whole["header"].keys() == {"stamp", "frame_id"} and whole["point"] == {"x": 1.5, "y": 0.0, "z": 0.0}
-    assert told("topic", "echo", "/point", "--once", "--field", "point") == (0, "x: 1.5\ny: 0.0\nz: 0.0\n---\n")
-    assert told("topic", "echo", "/point", "--once", "--field", "point.x") == (0, "1.5\n---\n")
-    assert told("topic", "echo", "/point", "--once", "--csv", "--field", "point", "--qos-reliability", "best_effort") == (
+    assert printed("topic", "echo", "/point", "--once", "--field", "point") == (0, "x: 1.5\ny: 0.0\nz: 0.0\n---\n")
+    assert printed("topic", "echo", "/point", "--once", "--field", "point.x") == (0, "1.5\n---\n")
+    assert printed("topic", "echo", "/point", "--once", "--csv", "--field", "point", "--qos-reliability", "best_effort") == (
         0,
         "1.5,0.0,0.0\n",
     )
-    assert told("topic", "echo", "/point", "--once", "--field", "pint")[0] == 1
+    assert printed("topic", "echo", "/point", "--once", "--field", "pint")[0] == 1
 
 
 @pytest.mark.parametrize(
@@ -112,17 +112,17 @@ def test_it_measures_a_topic_until_it_is_interrupted(ros2, probe, until, points,
     assert process.wait(timeout=120) == 0
 
 
-def test_it_publishes(told, probe):
+def test_it_publishes(printed, probe):
     got = []
     probe.create_subscription(MultiDOFJointTrajectory, "/goal", got.append, 10)
     values = "{header: auto, joint_names: [ball], points: [{transforms: [{translation: {x: 2}}], time_from_start: {sec: 1}}]}"
-    code, text = told("topic", "pub", "-t", "2", "-r", "20", "/goal", "trajectory_msgs/msg/MultiDOFJointTrajectory", values)
+    code, text = printed("topic", "pub", "-t", "2", "-r", "20", "/goal", "trajectory_msgs/msg/MultiDOFJointTrajectory", values)
     assert code == 0 and "publishing #2: trajectory_msgs.msg.MultiDOFJointTrajectory(" in text
     assert len(got) == 2 and got[0].header.stamp.sec > 0 and got[0].joint_names == ["ball"]
     assert got[0].points[0].transforms[0].translation.x == 2.0 and got[0].points[0].time_from_start.sec == 1
 
 
-def test_it_calls_services(told, probe):
+def test_it_calls_services(printed, probe):
     asked = []
 
     def serve(request, response):
@@ -131,14 +131,14 @@ def test_it_calls_services(told, probe):
         return response
 
     probe.create_service(SetBool, "/arm/enable", serve)
-    code, text = told("service", "call", "/arm/enable", "std_srvs/srv/SetBool", "{data: true}")
+    code, text = printed("service", "call", "/arm/enable", "std_srvs/srv/SetBool", "{data: true}")
     assert code == 0 and "response:\nstd_srvs.srv.SetBool_Response(success=False, message='done')\n" in text
     assert asked == [True]
     for kind, values in (("std_srvs/srv/SetBool", "{date: true}"), ("std_srvs/srv/Trigger", "{}"), ("std_srvs/msg/No", "{}")):
-        assert told("service", "call", "/arm/enable", kind, values)[0] == 1
+        assert printed("service", "call", "/arm/enable", kind, values)[0] == 1
     nested = "{parameters: [{name: speed, value: {type: 3, double_value: 0.5}}]}"
     probe.declare_parameter("speed", 1.0)
-    assert told("service", "call", "/probe/set_parameters", "rcl_interfaces/srv/SetParameters", nested)[0] == 0
+    assert printed("service", "call", "/probe/set_parameters", "rcl_interfaces/srv/SetParameters", nested)[0] == 0
     assert probe.get_parameter("speed").value == 0.5
 
 
@@ -148,9 +148,9 @@ def test_launch_starts_named_nodes_and_leaves_none(ros2, probe, until, tmp_path)
     system = ros2("launch", str(file), f"output:={bag}")
     until(lambda: any(info.node_namespace == "/court" for info in probe.get_subscriptions_info_by_topic("/rosout")), probe)
     system.send_signal(signal.SIGINT)
-    told = system.communicate(timeout=120)[0]
-    assert system.returncode == 0, told
-    assert f"[witness] recording to {bag}" in told
+    printed = system.communicate(timeout=120)[0]
+    assert system.returncode == 0, printed
+    assert f"[witness] recording to {bag}" in printed
     assert (bag / "metadata.yaml").is_file()
     assert not running(bag)
 

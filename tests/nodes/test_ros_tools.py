@@ -74,9 +74,9 @@ def test_views_are_fed(start, probe, until):
         remaps = ("-r", "ball/state:=ball/measured") if "predict" in module else ()
         start(module, "--ros-args", *remaps, *(("-p", "shots:=['top 4']") if "sim" in module else ()))
     start("tt_bringup.marker_node")
-    got = {name: [] for name in ("robot", "markers", "poses", "path", "joints", "told", "balls", "images")}
+    got = {name: [] for name in ("robot", "markers", "poses", "path", "joints", "diagnostics", "balls", "images")}
     keep = {name: messages.append for name, messages in got.items()}
-    probe.create_subscription(DiagnosticArray, "/diagnostics", keep["told"], RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", keep["diagnostics"], RELIABLE)
     probe.create_subscription(MarkerArray, "/markers", keep["markers"], RELIABLE)
     probe.create_subscription(Poses, "/ball/path_poses", keep["poses"], RELIABLE)
     probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", keep["path"], RELIABLE)
@@ -100,7 +100,7 @@ def test_views_are_fed(start, probe, until):
     check_markers(got["markers"])
     until(lambda: "estimated_ball" not in drawn(got["markers"]), probe)  # it is deleted when its path has ended
     check_configurations(probe, got)
-    check_diagnostics(probe, until, got["told"])
+    check_diagnostics(probe, until, got["diagnostics"])
 
 
 def shown(messages):
@@ -154,18 +154,18 @@ def check_configurations(probe, got):
     assert frames == {scene["followTf"]} == {rviz}
 
 
-def check_diagnostics(probe, until, told):
+def check_diagnostics(probe, until, arrays):
     """Every node tells once a second that it lives, for what hardware, although nothing happens to it."""
     nodes = {"sim", "estimate", "predict", "racket", "arm", "markers"}
-    told.clear()
+    arrays.clear()
     times, end = {}, time.monotonic() + 3.5
     until(lambda: time.monotonic() > end, probe)
-    for message in told:
+    for message in arrays:
         for status in message.status:
             assert status.hardware_id
             times.setdefault(status.name, []).append(seconds(message.header.stamp))
     assert nodes <= times.keys()
     for name in nodes:
         assert max(np.diff(times[name])) < 1.5, name  # s; a timer on a busy machine
-    hardware = {status.name: status.hardware_id for message in told for status in message.status}
+    hardware = {status.name: status.hardware_id for message in arrays for status in message.status}
     assert hardware["arm"] == "pa10" and hardware["sim"] == "simulator"

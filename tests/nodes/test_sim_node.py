@@ -21,12 +21,12 @@ from tt_vision.rig import wide_pair
 
 def test_a_launch_becomes_images_and_its_end_is_told(start, probe, until):
     start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['back 4']")
-    images, infos, truth, told = [], [], [], []
+    images, infos, truth, statuses = [], [], [], []
     for side in ("left", "right"):
         probe.create_subscription(Image, f"/camera/{side}/image_raw", images.append, SENSOR)
         probe.create_subscription(CameraInfo, f"/camera/{side}/camera_info", infos.append, LATCHED)
     probe.create_subscription(Odometry, "/sim/ball", truth.append, TRUTH)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
     until(lambda: len(infos) == 2 and probe.count_publishers("/sim/ball") == 1, probe)
@@ -36,7 +36,7 @@ def test_a_launch_becomes_images_and_its_end_is_told(start, probe, until):
     assert (first.result().success, first.result().message) == (True, "back 4")
     assert not second.result().success
 
-    until(lambda: any(t.event is Event.BALL_OVER for m in told for t in read_status(m)), probe)
+    until(lambda: any(t.event is Event.BALL_OVER for m in statuses for t in read_status(m)), probe)
     frames = sorted({seconds(m.header.stamp) for m in images})
     assert len(frames) > 15
     assert np.diff(frames) == pytest.approx(1 / 900, abs=1e-6)  # s; nothing was lost either
@@ -50,14 +50,14 @@ def test_at_a_rate_it_launches_by_itself(start, probe, until):
     """94 a minute: the next ball is launched while the last one still bounces behind the table. At a third of real time, so that a busy
     machine, too, has rendered the next one in time."""
     start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['top 3']", "-p", "launcher.rate:=94.0", "-p", "rtf:=0.33")
-    told = []
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    statuses = []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
     asked = client.call_async(Trigger.Request())
 
     def over():
-        return [t.values for m in told for t in read_status(m) if t.event is Event.BALL_OVER]
+        return [t.values for m in statuses for t in read_status(m) if t.event is Event.BALL_OVER]
 
     until(lambda: asked.done() and len(over()) >= 4, probe)
     assert not asked.result().success
@@ -71,15 +71,15 @@ def test_cameras_of_a_world_lose_and_stamp_frames_as_it_says(start, probe, until
     world = tmp_path / "blind.yaml"
     world.write_text("cameras: {dropped: 0.4, clock_offset: 0.5}")
     start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['back 3']", "-p", f"world:={world}")
-    images, told = [], []
+    images, statuses = [], []
     for side in ("left", "right"):
         probe.create_subscription(Image, f"/camera/{side}/image_raw", images.append, SENSOR)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
     client.call_async(Trigger.Request())
-    until(lambda: any(t.event is Event.BALL_OVER for m in told for t in read_status(m)), probe)
-    (values,) = [t.values for m in told for t in read_status(m) if t.event is Event.BALL_OVER]
+    until(lambda: any(t.event is Event.BALL_OVER for m in statuses for t in read_status(m)), probe)
+    (values,) = [t.values for m in statuses for t in read_status(m) if t.event is Event.BALL_OVER]
     after = np.array([seconds(m.header.stamp) for m in images]) - json.loads(values["launched"])[0] - 0.5
     assert np.all((after > 0.0) & (after < 0.2))  # s, while the ball is in view, by a clock half a second ahead
     whole = 2 * (1 + round(900 * (after.max() - after.min())))
@@ -89,7 +89,7 @@ def test_cameras_of_a_world_lose_and_stamp_frames_as_it_says(start, probe, until
 def test_the_wide_cameras_tell_where_they_see_the_ball(start, probe, until):
     """From behind the catapult to behind the robot's end, the places of the true ball, by 150 Hz."""
     start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['top 4']")
-    seen, truth, told = {"wide_left": {}, "wide_right": {}}, [], []
+    seen, truth, statuses = {"wide_left": {}, "wide_right": {}}, [], []
     for name, pixels in seen.items():
 
         def keep(message, name=name, pixels=pixels):
@@ -99,12 +99,12 @@ def test_the_wide_cameras_tell_where_they_see_the_ball(start, probe, until):
 
         probe.create_subscription(PointStamped, f"/camera/{name}/ball", keep, SENSOR)
     probe.create_subscription(Odometry, "/sim/ball", truth.append, TRUTH)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
     until(lambda: probe.count_publishers("/sim/ball") == 1 and probe.count_publishers("/camera/wide_right/ball") == 1, probe)
     client.call_async(Trigger.Request())
-    until(lambda: any(t.event is Event.BALL_OVER for m in told for t in read_status(m)), probe)
+    until(lambda: any(t.event is Event.BALL_OVER for m in statuses for t in read_status(m)), probe)
     left, right = seen.values()
     balls = [ball_from_message(m) for m in truth]
     behind = next(ball.time for ball in balls if ball.position[0] < 0.0)  # s, when the ball is behind the robot's end
@@ -131,13 +131,13 @@ def test_always_on_publishes_frames_without_a_ball(start, probe, until):
 
 def commanded(probe, until, speed):
     """Publish commands of `speed` rad/s for the last joint until it moves so; return the publisher, and lists of states and of statuses."""
-    states, told = [], []
+    states, statuses = [], []
     probe.create_subscription(JointState, "/joint_states", states.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: told.extend(m.status), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: statuses.extend(m.status), RELIABLE)
     out = probe.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
     until(lambda: out.get_subscription_count() == 1 and states, probe)
     keep_moving(probe, until, states, out, speed)
-    return out, states, told
+    return out, states, statuses
 
 
 def keep_moving(probe, until, states, out, speed):
@@ -163,20 +163,20 @@ def test_the_arm_does_what_it_is_told(start, probe, until):
 @pytest.mark.parametrize("last", ["nothing", [1.0, 2.0], [np.nan] * 7, [np.inf] * 7, [1e17] * 7, [0.0] * 1000], ids=str)
 def test_without_good_commands_the_drives_brake(last, start, probe, until):
     start("tt_sim.sim_node")
-    out, states, told = commanded(probe, until, -1.0)
+    out, states, statuses = commanded(probe, until, -1.0)
     first = len(states)
     if last == "nothing":
         until(lambda: brakes(states, first), probe)
         return
     until(lambda: brakes(states, first) or out.publish(Float64MultiArray(data=last)), probe)
-    until(lambda: any(status.message.startswith("command refused:") for status in told), probe)
+    until(lambda: any(status.message.startswith("command refused:") for status in statuses), probe)
     keep_moving(probe, until, states, out, -0.5)
 
 
 def test_two_who_command_are_both_refused_by_name(start, probe, until):
     """Until one is left; the other one is a node of its own name."""
     start("tt_sim.sim_node")
-    out, states, told = commanded(probe, until, -1.0)
+    out, states, statuses = commanded(probe, until, -1.0)
     import rclpy
 
     other = rclpy.create_node("intruder", context=probe.context)
@@ -185,7 +185,7 @@ def test_two_who_command_are_both_refused_by_name(start, probe, until):
 
     def refused():
         out.publish(Float64MultiArray(data=[0.0] * 6 + [-1.0]))
-        return any("/intruder" in status.message and "/probe" in status.message for status in told) and brakes(states, first)
+        return any("/intruder" in status.message and "/probe" in status.message for status in statuses) and brakes(states, first)
 
     until(refused, probe)
     other.destroy_node()
@@ -194,10 +194,10 @@ def test_two_who_command_are_both_refused_by_name(start, probe, until):
 
 def test_the_arm_s_own_record_is_told_and_at_once_when_a_bound_is_broken(start, probe, until):
     start("tt_sim.sim_node")
-    out, _, told = commanded(probe, until, 5.0)
+    out, _, statuses = commanded(probe, until, 5.0)
 
     def record():
-        return [{v.key: v.value for v in status.values} for status in told if status.name == "sim: arm record"]
+        return [{v.key: v.value for v in status.values} for status in statuses if status.name == "sim: arm record"]
 
     until(lambda: len(record()) >= 2, probe)
     assert all(float(values["speed"]) <= 1.0 and int(values["end_stop_hits"]) == 0 for values in record()[:1])

@@ -25,9 +25,9 @@ def ball_at(since):
 
 def test_pixels_in_are_the_ball_out_and_nonsense_is_survived(start, probe, until):
     start("tt_vision.track_node")
-    got, told = [], []
+    got, arrays = [], []
     probe.create_subscription(Odometry, "/ball/state", got.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", told.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", arrays.append, RELIABLE)
     infos = [probe.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in WIDE_SIDES]
     pixels = [probe.create_publisher(PointStamped, f"/camera/{name}/ball", SENSOR) for name in WIDE_SIDES]
     measured = probe.create_publisher(Odometry, "/ball/measured", RELIABLE)
@@ -35,7 +35,7 @@ def test_pixels_in_are_the_ball_out_and_nonsense_is_survived(start, probe, until
     until(lambda: probe.count_publishers("/ball/state") == 1, probe)
 
     def statuses():
-        return [one for array in told for one in read_status(array)]
+        return [one for array in arrays for one in read_status(array)]
 
     for camera, publisher, name in zip(wide_pair(), infos, WIDE_SIDES, strict=True):
         publisher.publish(camera_to_message(camera.width, camera.height, camera.matrix, camera.distortion, f"{name}_optical"))

@@ -55,5 +55,5 @@ def test_a_touch_is_told_with_what_was_touched():
     folded = next(q for q in postures if clearance(q, MODEL.bodies)[0] <= 0.0)
     left, _ = clearance(folded, MODEL.bodies)
     assert record.note(state(1, folded)) and record.clearance[0] == left
-    told = record.to_text()
-    assert float(told["clearance"]) == pytest.approx(left) and told["nearest"] == record.nearest
+    values = record.to_text()
+    assert float(values["clearance"]) == pytest.approx(left) and values["nearest"] == record.nearest

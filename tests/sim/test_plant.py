@@ -84,8 +84,8 @@ def test_slow_drives_and_coarse_encoders():
         state = plant.advance(state, np.full(7, 100.0), TICK)
     moving = state.q < MODEL.position_limits[:, 1] - 1e-9
     assert state.qdot[moving] == pytest.approx(0.5 * MODEL.speed_limits[moving], rel=1e-3)
-    told = plant.measured(state, np.random.default_rng(0)).q / 0.01
-    assert told == pytest.approx(np.round(told), abs=1e-9) and np.abs(told * 0.01 - state.q).max() <= 0.005 + 1e-12
+    steps = plant.measured(state, np.random.default_rng(0)).q / 0.01
+    assert steps == pytest.approx(np.round(steps), abs=1e-9) and np.abs(steps * 0.01 - state.q).max() <= 0.005 + 1e-12
 
 
 def test_nonsense_is_refused():

@@ -37,8 +37,8 @@ def test_a_ball_onto_the_waiting_racket_is_a_hit_and_is_over_once():
     assert machine.outcome.hit is not None and machine.outcome.contacts[0].surface is Surface.RACKET
     assert [outcome for tick in ticks for outcome in tick.ended] == [machine.outcome]
     assert ticks[-1].ball is None
-    told = machine.outcome.to_text()
-    assert told["result"] == machine.outcome.result and told["hit"].startswith("[10.0")
+    values = machine.outcome.to_text()
+    assert values["result"] == machine.outcome.result and values["hit"].startswith("[10.0")
 
 
 def test_balls_in_flight_together_each_have_their_outcome():

@@ -186,27 +186,27 @@ def group_is_gone(pid):
 
 
 def test_the_end_of_a_required_process_is_the_end_of_all():
-    told = []
+    printed = []
     endless = python("import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(600)'])")
-    with System([Process("one", python("print('hello')"), required=True), Process("two", endless)], told.append) as system:
+    with System([Process("one", python("print('hello')"), required=True), Process("two", endless)], printed.append) as system:
         assert system.wait(timeout=120)
-    assert "[one] hello" in told and not system.failed
-    started = [int(line.split()[-1]) for line in told if "started" in line]
+    assert "[one] hello" in printed and not system.failed
+    started = [int(line.split()[-1]) for line in printed if "started" in line]
     assert len(started) == 2 and all(group_is_gone(pid) for pid in started)
 
 
 def test_a_process_has_its_own_variables_beside_ours(monkeypatch):
     monkeypatch.setenv("TT_OURS", "ours")
-    told = []
+    printed = []
     show = Process("one", python("import os; print(os.environ['TT_OURS'], os.environ['TT_ITS'])"), environment={"TT_ITS": "its"})
-    with System([show], told.append) as system:
+    with System([show], printed.append) as system:
         assert system.wait(timeout=120)
-    assert "[one] ours its" in told
+    assert "[one] ours its" in printed
 
 
 def test_a_failure_is_remembered_and_the_others_go_on():
-    told = []
-    with System([Process("bad", python("raise SystemExit(3)")), Process("good", python("input()"))], told.append) as system:
+    printed = []
+    with System([Process("bad", python("raise SystemExit(3)")), Process("good", python("input()"))], printed.append) as system:
         assert system.wait(timeout=120)
     assert system.failed == {"bad": 3, "good": 1}  # its standard input is empty
 
@@ -221,42 +221,42 @@ def test_who_does_not_listen_is_killed(monkeypatch):
 
 
 def test_what_cannot_start_stops_the_rest():
-    told = []
+    printed = []
     with (
         refused(LaunchError, "two", "/no/such/program"),
-        System([Process("one", python("import time; time.sleep(600)")), Process("two", ("/no/such/program",))], told.append),
+        System([Process("one", python("import time; time.sleep(600)")), Process("two", ("/no/such/program",))], printed.append),
     ):
         pass
-    assert group_is_gone(int(told[0].split()[-1]))
+    assert group_is_gone(int(printed[0].split()[-1]))
 
 
-def started(told):
+def started(printed):
     """Process ids, in the order of their start."""
-    return [int(line.split()[-1]) for line in told if "started, process" in line]
+    return [int(line.split()[-1]) for line in printed if "started, process" in line]
 
 
 def test_what_was_killed_is_started_again():
-    told = []
+    printed = []
     endless = Process("endless", python("import time; print('up', flush=True); time.sleep(600)"), respawn=True, respawn_delay=0.1)
-    with System([endless, Process("other", python("import time; time.sleep(600)"))], told.append) as system:
+    with System([endless, Process("other", python("import time; time.sleep(600)"))], printed.append) as system:
         for lives in range(1, 4):
             end = time.monotonic() + 20.0
-            while told.count("[endless] up") < lives:
+            while printed.count("[endless] up") < lives:
                 assert time.monotonic() < end and not system.wait(timeout=0.05)
-            assert len(started(told)) == 1 + lives
-            os.kill([int(line.split()[-1]) for line in told if "endless started" in line][-1], signal.SIGKILL)
+            assert len(started(printed)) == 1 + lives
+            os.kill([int(line.split()[-1]) for line in printed if "endless started" in line][-1], signal.SIGKILL)
         assert not system.wait(timeout=0.05)
-    assert not system.failed and all(group_is_gone(pid) for pid in started(told))
+    assert not system.failed and all(group_is_gone(pid) for pid in started(printed))
 
 
 def test_what_dies_again_and_again_is_given_up_and_all_end():
-    told = []
+    printed = []
     sick = Process("sick", python("raise SystemExit(3)"), respawn=True)
-    with System([sick, Process("well", python("import time; time.sleep(600)"))], told.append) as system:
+    with System([sick, Process("well", python("import time; time.sleep(600)"))], printed.append) as system:
         assert system.wait(timeout=120)
     assert system.failed == {"sick": 3}
-    assert sum("sick started" in line for line in told) == 1 + RESTARTS
-    assert sum("not started again" in line for line in told) == 1
+    assert sum("sick started" in line for line in printed) == 1 + RESTARTS
+    assert sum("not started again" in line for line in printed) == 1
 
 
 @pytest.mark.parametrize(
@@ -265,21 +265,21 @@ def test_what_dies_again_and_again_is_given_up_and_all_end():
 )
 def test_who_is_not_started_again(code, retries, starts, goes_on):
     """What refuses its parameters ends all; what has used up its retries stays away, as in ROS 2 launch."""
-    told = []
+    printed = []
     brief = Process("brief", python(f"raise SystemExit({code})"), respawn=True, respawn_max_retries=retries)
-    with System([brief, Process("last", python("import sys; sys.stdin.read()"))], told.append) as system:
+    with System([brief, Process("last", python("import sys; sys.stdin.read()"))], printed.append) as system:
         assert system.wait(timeout=120)
-    assert sum("brief started" in line for line in told) == starts
+    assert sum("brief started" in line for line in printed) == starts
     assert system.failed == ({"brief": code} if code else {})
-    assert not goes_on or "[launch] last ended, exit code 0" in told
+    assert not goes_on or "[launch] last ended, exit code 0" in printed
 
 
 def test_nothing_is_started_again_when_all_end():
-    told = []
+    printed = []
     slow = Process("slow", python("raise SystemExit(3)"), respawn=True, respawn_delay=60.0)
-    with System([slow], lambda line: (told.append(line), "slow ended" in line and system.interrupt())) as system:
+    with System([slow], lambda line: (printed.append(line), "slow ended" in line and system.interrupt())) as system:
         assert system.wait(timeout=120)
-    assert sum("started" in line for line in told) == 1
+    assert sum("started" in line for line in printed) == 1
 
 
 @pytest.mark.parametrize("name", ["sim", "robot", "replay"])

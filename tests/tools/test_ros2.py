@@ -69,8 +69,8 @@ def test_wrong_words_name_the_choices(words, named, capsys):
 )
 def test_what_is_not_there_is_told_in_one_line(words, named, capsys, prefix):
     assert ros2.main(words.split()) == 1
-    told = capsys.readouterr().err
-    assert named in told and told.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert named in printed and printed.count("\n") == 1
 
 
 @pytest.fixture

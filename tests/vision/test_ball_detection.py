@@ -75,9 +75,9 @@ def test_a_marked_and_shaded_ball_is_found(rendered):
 def test_what_is_no_ball_has_a_reason(image, reason):
     found = find_ball(image).reason
     assert found.code is reason
-    with pytest.raises(NoWholeBall) as told:
+    with pytest.raises(NoWholeBall) as error:
         ball_centre(image)
-    assert told.value.reason == found
+    assert error.value.reason == found
 
 
 def test_a_lamp_elsewhere_in_view_does_not_matter():
@@ -89,8 +89,8 @@ def test_a_lamp_elsewhere_in_view_does_not_matter():
 def test_bad_images_say_what_they_are():
     with pytest.raises(TtError):
         find_ball(np.zeros((232, 232)))
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         find_ball(np.zeros((232, 232, 3), np.uint8))
-    assert told.value.shape == (232, 232, 3)
+    assert error.value.shape == (232, 232, 3)
     with pytest.raises(TtError):
         four_points(np.zeros((9, 9), np.uint8), 10.0)

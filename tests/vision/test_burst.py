@@ -91,9 +91,9 @@ def test_an_image_from_long_ago_is_late(stream):
 
 
 def test_bad_values_name_themselves():
-    with pytest.raises(OutOfRange) as told:
+    with pytest.raises(OutOfRange) as error:
         BurstParams(frames=2)
-    assert (told.value.name, told.value.value, told.value.low) == ("frames", 2, 3)
+    assert (error.value.name, error.value.value, error.value.low) == ("frames", 2, 3)
     with pytest.raises(TtError):
         Assembler().add(0, 0.0, np.zeros((232, 232)))
 
@@ -114,21 +114,21 @@ def test_one_camera_alone_and_a_clock_that_is_behind(stream):
     behind = [(side, time - 0.5 * side, image) for side, time, image in stream]
     (burst,) = feed(Assembler(BurstParams(clock_offset=0.5)), behind)
     assert burst.times == pytest.approx([t for side, t, _ in stream[:12] if side == 0])
-    with pytest.raises(BadChoice) as told:
+    with pytest.raises(BadChoice) as error:
         BurstParams(alone="both")
-    assert (told.value.name, told.value.value) == ("alone", "both")
-    with pytest.raises(OutOfRange) as told:
+    assert (error.value.name, error.value.value) == ("alone", "both")
+    with pytest.raises(OutOfRange) as error:
         BurstParams(frames=6, refined=5)
-    assert (told.value.name, told.value.low) == ("refined", 7)
+    assert (error.value.name, error.value.low) == ("refined", 7)
 
 
 def test_an_image_of_another_size_within_a_ball_is_refused_and_the_next_ball_is_measured(stream):
     assembler = Assembler()
     feed(assembler, stream[:6])
     larger = np.pad(stream[6][2], ((0, 8), (0, 0)))
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         assembler.add(0, stream[6][1], larger)
-    assert (told.value.shape[0], told.value.wanted[0]) == (240, 232)
+    assert (error.value.shape[0], error.value.wanted[0]) == (240, 232)
     with pytest.raises(BadShape):
         assembler.add(0, stream[6][1], stream[6][2].astype(np.uint16))
     assert len(feed(assembler, moved(stream, 0.2))) == 1
@@ -174,14 +174,14 @@ def test_a_burst_holds_what_fits_together_only(stream):
     images = np.array([image for side, _, image in stream if side == 0])
     times, camera = np.arange(9) / 900.0, high_speed_pair()[0]
     assert len(Burst((images,), times, (camera,))) == 9
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         Burst((images,), times[:8])
-    assert told.value.shape == (1, 9)
+    assert error.value.shape == (1, 9)
     with pytest.raises(BadShape):
         Burst((images, images), times, (camera,))
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         Burst((images[:, :100],), times, (camera,))
-    assert told.value.shape == (9, 100, 232)
+    assert error.value.shape == (9, 100, 232)
     with pytest.raises(TimesNotRising):
         Burst((images,), times[::-1])
     with pytest.raises(NotFinite):

@@ -103,7 +103,7 @@ def test_what_cannot_be_read_says_so(tmp_path, monkeypatch, capsys):
         (("points", tmp_path / "none.csv"), "none.csv"),
         (("board", tmp_path / "none.png", "--square", 0.02), "no image"),
     ):
-        with pytest.raises(SystemExit) as told:
+        with pytest.raises(SystemExit) as error:
             run(monkeypatch, *words)
-        assert told.value.code == 2
+        assert error.value.code == 2
         assert reason in capsys.readouterr().err

@@ -116,19 +116,19 @@ def test_what_cannot_be_calibrated_says_so():
 
 
 def test_bad_cameras_name_what_is_bad():
-    with pytest.raises(NotFinite) as told:
+    with pytest.raises(NotFinite) as error:
         dataclasses.replace(LEFT, translation=[0.0, np.nan, 0.0])
-    assert told.value.name == "translation"
+    assert error.value.name == "translation"
     with pytest.raises(NotARotation):
         dataclasses.replace(LEFT, rotation=2.0 * np.eye(3))
     with pytest.raises(NotARotation):
         dataclasses.replace(LEFT, rotation=np.diag([1.0, 1.0, -1.0]))
-    with pytest.raises(OutOfRange) as told:
+    with pytest.raises(OutOfRange) as error:
         dataclasses.replace(LEFT, focal_length=0.0)
-    assert (told.value.name, told.value.value) == ("focal_length", 0.0)
-    with pytest.raises(BadShape) as told:
+    assert (error.value.name, error.value.value) == ("focal_length", 0.0)
+    with pytest.raises(BadShape) as error:
         dataclasses.replace(LEFT, distortion=[0.1])
-    assert (told.value.name, told.value.shape) == ("distortion", (1,))
+    assert (error.value.name, error.value.shape) == ("distortion", (1,))
     with pytest.raises(BadShape):
         LEFT.project(np.zeros((3, 2)))
 

@@ -41,9 +41,9 @@ def test_a_burst_is_measured_as_its_images_are(rendered):
     one = measure(rendered.left, rendered.right, rendered.times, rendered.cameras).ball
     for other in (measure_burst(rendered.burst), measure_burst(dataclasses.replace(rendered.burst, detections=()))):
         assert other.ball.vector == pytest.approx(one.vector, abs=1e-12)
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         measure_burst(dataclasses.replace(rendered.burst, cameras=()))
-    assert told.value.name == "cameras"
+    assert error.value.name == "cameras"
 
 
 def test_ten_bits_are_no_worse(film, scene):
@@ -113,17 +113,17 @@ def test_cameras_that_cannot_be_right_have_a_reason(rendered):
 
 def test_arguments_that_do_not_fit_say_so(rendered):
     left, right, times, cameras = rendered.left, rendered.right, rendered.times, rendered.cameras
-    with pytest.raises(BadShape) as told:
+    with pytest.raises(BadShape) as error:
         measure(left[:, :100], right, times, cameras)
-    assert told.value.shape == (6, 100, 232)
-    with pytest.raises(BadShape) as told:
+    assert error.value.shape == (6, 100, 232)
+    with pytest.raises(BadShape) as error:
         measure(left, right, times, cameras[:1])
-    assert told.value.shape == (2, 6, 6)
+    assert error.value.shape == (2, 6, 6)
     with pytest.raises(BadShape):
         measure(left[:4], right, times, cameras)
-    with pytest.raises(NotFinite) as told:
+    with pytest.raises(NotFinite) as error:
         measure(left, right, times * np.nan, cameras)
-    assert told.value.name == "times"
+    assert error.value.name == "times"
     with pytest.raises(TtError):
         measure(left.astype(float), right.astype(float), times, cameras)
 

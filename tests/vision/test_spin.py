@@ -211,11 +211,11 @@ def test_method_1_sees_a_turn_across_the_line_of_sight(film):
 
 
 def test_arguments_that_do_not_fit_say_so(rendered):
-    with pytest.raises(BadChoice) as told:
+    with pytest.raises(BadChoice) as error:
         estimate_spin(rendered.frames, rendered.times, rendered.cameras, method="magic")
-    assert told.value.value == "magic"
-    with pytest.raises(BadShape) as told:
+    assert error.value.value == "magic"
+    with pytest.raises(BadShape) as error:
         estimate_spin(rendered.frames, rendered.times[:5], rendered.cameras)
-    assert told.value.shape == (2, 6, 6)
+    assert error.value.shape == (2, 6, 6)
     with pytest.raises(TimesNotRising):
         estimate_spin(rendered.frames, rendered.times[::-1], rendered.cameras)

@@ -126,7 +126,7 @@ class ArmNode(Node):
         self.on_params(params)
         self.status = Status(self, hardware=model.pinocchio.name)
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on
-        self.told, self.told_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
+        self.reported, self.reported_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
         check_feasible(model, self.control.limits)
         check_guard(model, self.control.limits, guard)
@@ -312,8 +312,8 @@ class ArmNode(Node):
     def publish_stop(self, reason: Failure | None) -> None:
         """Report what stops the arm, or makes it do less than its swing asks, when that changes, at most each TELL (s)."""
         kind, now = "" if reason is None else reason.code.name, time.monotonic()
-        if kind != self.told and now > self.told_at + TELL:
-            self.told, self.told_at = kind, now
+        if kind != self.reported and now > self.reported_at + TELL:
+            self.reported, self.reported_at = kind, now
             self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
             if reason is None:
                 self.status.terminal.info(ArmLine.FREE)
@@ -332,7 +332,7 @@ class ArmNode(Node):
             time.sleep(TICK)
         self.ending = True
         self.arrival.set()
-        self.told_at = 0.0
+        self.reported_at = 0.0
         self.publish_stop(failure)
         self.commands.wait_for_all_acked(Duration(seconds=0.2))
 

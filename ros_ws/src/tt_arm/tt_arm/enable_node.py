@@ -23,10 +23,10 @@ def main() -> int:
         future = client.call_async(SetBool.Request(data=True))
         rclpy.spin_until_future_complete(node, future, timeout_sec=ANSWER)
         answer = future.result() if future.done() else None
-        told = answer.message if answer else f"no answer within {ANSWER:g} s"
+        answered = answer.message if answer else f"no answer within {ANSWER:g} s"
     else:
-        told = f"not there within {WAIT:g} s"
-    print(f"{service}: {told}", flush=True)
+        answered = f"not there within {WAIT:g} s"
+    print(f"{service}: {answered}", flush=True)
     rclpy.try_shutdown()
     node.destroy_node()
     return 0 if answer and answer.success else 1

@@ -65,7 +65,7 @@ class Demo(Node):
 
     def __init__(self) -> None:
         super().__init__("demo", enable_rosout=False)
-        self.told: dict[str, str] | None = None
+        self.status: dict[str, str] | None = None
         self.measured: BallState | None = None
         self.latency_ms: float | None = None
         self.refusal: str | None = None
@@ -83,7 +83,7 @@ class Demo(Node):
 
     def forget(self) -> None:
         """Forget the last ball."""
-        self.told, self.measured, self.latency_ms, self.refusal = None, None, None, None
+        self.status, self.measured, self.latency_ms, self.refusal = None, None, None, None
 
     def on_measured(self, message: Odometry) -> None:
         """Keep the measured ball."""
@@ -109,11 +109,11 @@ class Demo(Node):
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """Keep the end of the ball, the latency, and the last refusal."""
-        for told in read_status(message):
-            if told.event is Event.BALL_OVER:
-                self.told, self.over = told.values, told.time
-            elif told.event is Event.FIRST_COMMAND and self.latency_ms is None:
-                self.latency_ms = float(told.values["latency_ms"])
+        for status in read_status(message):
+            if status.event is Event.BALL_OVER:
+                self.status, self.over = status.values, status.time
+            elif status.event is Event.FIRST_COMMAND and self.latency_ms is None:
+                self.latency_ms = float(status.values["latency_ms"])
         for warning in read_warnings(message):
             self.refusal = f"{warning.name}: {warning.message}"
 
@@ -190,9 +190,9 @@ def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics
         demo.forget()
         shot = waiter.call(demo.launcher, Trigger.Request())
         goal = demo.ask(np.array(SPINS[shot.split()[0]], float))
-        waiter.wait(lambda: demo.told is not None, 10.0 + BALL / rtf, f"the end of the ball {shot}")
-        assert demo.told is not None
-        scores.append(demo_metrics(demo.told, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
+        waiter.wait(lambda: demo.status is not None, 10.0 + BALL / rtf, f"the end of the ball {shot}")
+        assert demo.status is not None
+        scores.append(demo_metrics(demo.status, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
         print(line(scores[-1]), flush=True)
         again = time.monotonic() + min(max(demo.rest - demo.over, 0.0), LONGEST_REST) / rtf
         waiter.wait(lambda at=again: time.monotonic() >= at, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]

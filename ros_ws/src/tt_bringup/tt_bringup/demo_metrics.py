@@ -72,7 +72,7 @@ def _ball(text: str) -> BallState | None:
 
 
 def demo_metrics(
-    told: dict[str, str],
+    values: dict[str, str],
     goal: ReturnGoal,
     measured: BallState | None,
     latency_ms: float | None,
@@ -82,25 +82,25 @@ def demo_metrics(
     """Return the metrics of a ball that is over.
 
     Args:
-        told: What the simulator told of the ball on /diagnostics.
+        values: What the simulator reports of the ball on /diagnostics.
         goal: What was asked of its return.
         measured: The last measured ball, which may be of an earlier flight; None without any.
         latency_ms: ms, from the last frame to the first joint command; None without a command.
         refusal: The last warning of the robot during the flight, or None.
         air: The true air.
     """
-    launched, hit, after, landing = (_ball(told[key]) for key in ("launched", "hit", "after_hit", "landing"))
+    launched, hit, after, landing = (_ball(values[key]) for key in ("launched", "hit", "after_hit", "landing"))
     assert launched is not None
     if measured and not launched.time < measured.time < launched.time + SEEN_WITHIN:
         measured = None  # of an earlier ball
     true = None
     if measured:
         true = BallState.from_vector(measured.time, fly(launched.vector, measured.time - launched.time, air.coefficients))
-    result = Result(told["result"])
+    result = Result(values["result"])
     reason = None if result is Result.RETURNED else result.value if measured and not refusal else refusal or "not seen"
     spin_true = (true or launched).spin
     return DemoMetrics(
-        kind=told["shot"],
+        kind=values["shot"],
         seen=measured is not None,
         hit=hit is not None,
         landed=result is Result.RETURNED,
@@ -111,7 +111,7 @@ def demo_metrics(
         spin_measured=measured.spin.tolist() if measured else None,
         spin_error_rpm=float(np.linalg.norm(measured.spin - spin_true)) / RPM if measured else None,
         hit_place=hit.position.tolist() if hit else None,
-        hit_error_m=float(told["offset"]) if hit else None,
+        hit_error_m=float(values["offset"]) if hit else None,
         landing_asked=goal.landing.tolist(),
         landing_reached=landing.position[:2].tolist() if landing else None,
         flight_time_asked=goal.flight_time,

@@ -110,9 +110,9 @@ def latencies(found: dict[str, list[Any]]) -> go.Figure:
     of: dict[str, list[float]] = {stage: [] for stage in STAGES}
     for message in found["diagnostics"]:
         for status in message.status:
-            told = {v.key: v.value for v in status.values}
-            if status.name in of and "latency_ms" in told and "strike" not in told:
-                of[status.name].append(float(told["latency_ms"]))
+            values = {v.key: v.value for v in status.values}
+            if status.name in of and "latency_ms" in values and "strike" not in values:
+                of[status.name].append(float(values["latency_ms"]))
     figure = go.Figure([go.Box(y=values, name=stage, boxpoints="all") for stage, values in of.items()])
     return figure.update_layout(title="Latency since the last frame", yaxis_title="ms", showlegend=False, height=420)
 

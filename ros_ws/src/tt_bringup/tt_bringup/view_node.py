@@ -119,10 +119,10 @@ class ViewNode(Node):
         """Keep statuses, latencies, and where a ball landed."""
         now = self.inputs.now()
         self.readings.take_health(Health(now, s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
-        for told in read_status(message):
-            if told.event in STAGES and "latency_ms" in told.values:
-                self.readings.take_latency(told.event.value, float(told.values["latency_ms"]))
-            elif told.event is Event.BALL_OVER and (place := landing_place(told.values)) is not None:
+        for status in read_status(message):
+            if status.event in STAGES and "latency_ms" in status.values:
+                self.readings.take_latency(status.event.value, float(status.values["latency_ms"]))
+            elif status.event is Event.BALL_OVER and (place := landing_place(status.values)) is not None:
                 self.inputs.scene.take_landing(place, now)
 
     def on_timer(self) -> None:

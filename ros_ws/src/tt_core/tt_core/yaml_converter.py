@@ -138,9 +138,9 @@ def _joined(place: str, path: str) -> str:
     return f"{place}.{path}" if path and not path.startswith("[") else place + path
 
 
-def _outside(content: Mapping[str, Any], params: dict[str, Field[Any]], told: set[str]) -> Iterator[Problem]:
+def _outside(content: Mapping[str, Any], params: dict[str, Field[Any]], reported: set[str]) -> Iterator[Problem]:
     """Find the values outside the ranges of their fields that are not told yet: a dataclass stops at its first one."""
-    for name in [name for name in params if name in content and name not in told]:
+    for name in [name for name in params if name in content and name not in reported]:
         try:
             check_value(name, content[name], params[name].default, params[name].metadata)
         except TtError as error:

@@ -149,7 +149,7 @@ class Episode:
         measured: The ball as the robot has measured it.
         path: As the robot has predicted it.
         candidates: Strokes.
-        choice: What the arm made of them.
+        selection: What the arm made of them.
         joints: (n, 1 + 2 joints) time (s), q (rad or m) and qdot of every tick; at a rate, from the ball's launch on.
     """
 
@@ -160,7 +160,7 @@ class Episode:
     measured: BallState | None
     path: BallPath | None
     candidates: Candidates | None
-    choice: StrokeSelection | None
+    selection: StrokeSelection | None
     joints: Array
 
     @functools.cached_property
@@ -187,8 +187,9 @@ class Episode:
         if self.candidates is None or not self.candidates.strokes:
             causes = [failure for _, failure in self.candidates.refused] if self.candidates else []
             return Failure(EpisodeFailure.NO_STROKE, causes=Causes(causes or [Failure(StrokeFailure.NO_HIT_POINT)]))
-        if self.choice is None or self.choice.index is None:
-            return Failure(EpisodeFailure.NO_SWING, cause=self.choice.reasons[0] if self.choice and self.choice.reasons else "no swing")
+        if self.selection is None or self.selection.index is None:
+            refusals = self.selection.reasons if self.selection else ()
+            return Failure(EpisodeFailure.NO_SWING, cause=refusals[0] if refusals else "no swing")
         return Failure(EpisodeFailure.NOT_RETURNED, result=self.outcome.result)
 
     @property
@@ -210,8 +211,8 @@ class Episode:
         if self.candidates is None or not self.candidates.strokes:
             codes = [failure.code for _, failure in self.candidates.refused] if self.candidates else []
             return Miss.RACKET_TOO_SLOW if 2 * codes.count(StrokeFailure.RACKET_TOO_FAST) > len(codes) else Miss.OUT_OF_REACH
-        if self.choice is None or self.choice.index is None:
-            refused = {refusal.failure.code for refusal in self.choice.reasons} if self.choice else set()
+        if self.selection is None or self.selection.index is None:
+            refused = {refusal.failure.code for refusal in self.selection.reasons} if self.selection else set()
             if not refused or SwingFailure.TOO_SOON in refused:
                 return Miss.TOO_LATE
             return Miss.RACKET_TOO_SLOW if refused & ARM_TOO_SLOW else Miss.OUT_OF_REACH
@@ -346,8 +347,8 @@ def _control(scenario: Scenario) -> ArmControl:
     return control
 
 
-def _episode(trial: Trial, plan: Plan, outcome: Outcome, choice: StrokeSelection | None, joints: Array) -> Episode:
-    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, choice, joints)
+def _episode(trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array) -> Episode:
+    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints)
 
 
 Played = tuple[Outcome, "StrokeSelection | None", Array]
@@ -355,18 +356,18 @@ Played = tuple[Outcome, "StrokeSelection | None", Array]
 
 def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
     """Play the ball with the swing in one call; None when the ticks must be played."""
-    tick, choice, time = trial.scenario.tick, None, 0.0
+    tick, selection, time = trial.scenario.tick, None, 0.0
     if plan.candidates is not None and plan.due < LONGEST:
         time = tick * np.ceil(plan.due / tick)
         control.joints = Joints.at_rest(time, control.model.waiting)
         control.swing = replace(_rest(control.model), start=control.joints, end_time=time)
-        choice = control.take(plan.rackets)
-    swing = choice.swing if choice is not None and choice.index is not None else None
+        selection = control.take(plan.rackets)
+    swing = selection.swing if selection is not None and selection.index is not None else None
     done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)
     if done is None:
         control.enable(True)
         return None
-    return Outcome(trial.ball, done[0]), choice, done[1]
+    return Outcome(trial.ball, done[0]), selection, done[1]
 
 
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:

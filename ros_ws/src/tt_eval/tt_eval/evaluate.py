@@ -188,10 +188,10 @@ def judged_off(numbers: dict[str, Array]) -> go.Figure:
 
 def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.Figure:
     """Draw how often balls were missed for each reason, in truth and as judged."""
-    true, told = why(misses), why(judged)
-    names = [*true, *(name for name in told if name not in true)]
+    true, judged_counts = why(misses), why(judged)
+    names = [*true, *(name for name in judged_counts if name not in true)]
     figure = go.Figure()
-    for name, counts, colour in (("true", true, BLUE), ("judged", told, RED)):
+    for name, counts, colour in (("true", true, BLUE), ("judged", judged_counts, RED)):
         figure.add_bar(x=[miss.value for miss in names], y=[counts.get(miss, 0) for miss in names], name=name, marker_color=colour)
     if not names:
         figure.add_annotation(text="none was missed", showarrow=False, font={"size": 16}, xref="paper", yref="paper", x=0.5, y=0.5)

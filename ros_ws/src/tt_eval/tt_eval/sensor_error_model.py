@@ -85,11 +85,11 @@ class SensorErrorModel:
         """Read the file of that name in `sensor_error_models/`."""
         return _load(name)
 
-    def save(self, file: Path, told: str) -> None:
-        """Write the model; told: comment in the first line."""
+    def save(self, file: Path, comment: str) -> None:
+        """Write the model; comment: in the first line."""
         rows = {name: [float(f"{v:.4g}") for v in row] for name, row in zip(NAMES, self.parts, strict=True)}
         content = {"refused": round(self.refused, 4), "variances": rows, "correlation": np.round(self.correlation, 3).tolist()}
-        file.write_text(f"# {told}\n{yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=140)}")
+        file.write_text(f"# {comment}\n{yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=140)}")
 
     def sigmas(self, ball: BallState) -> Array:
         """Return the (9,) standard deviations for a ball."""

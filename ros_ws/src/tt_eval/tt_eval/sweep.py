@@ -94,11 +94,11 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     """
     Trial.drawn(scenario, 0)
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
-    told = folder / "scenario.json"
-    if told.is_file() and json.loads(told.read_text())["fingerprint"] != mark:
+    begun = folder / "scenario.json"
+    if begun.is_file() and json.loads(begun.read_text())["fingerprint"] != mark:
         raise OtherSweep(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    told.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
+    begun.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
     tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
     missing = [task for task in tasks if not (folder / f"{task[0]:09d}.parquet").is_file()]
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()

@@ -27,7 +27,7 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
     `speed` and `spin_rpm` are those of the launch. Names with "judged" are by the wide cameras alone, all others are true. `arm_back` is
     the time (s) after the launch when the arm waits again.
     """
-    trial, outcome, goal, choice = episode.trial, episode.outcome, episode.goal, episode.choice
+    trial, outcome, goal, selection = episode.trial, episode.outcome, episode.goal, episode.selection
     judged = episode.judged
     row: dict[str, float | str] = dict.fromkeys(NUMBERS, math.nan)
     row |= {
@@ -46,9 +46,9 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
         row["measured_speed_error_rpm"] = float(measured - asked) / RPM
         row["measured_axis_error_deg"] = math.degrees(math.acos(min(1.0, along)))
         row["measured_velocity_error"] = float(np.linalg.norm(episode.measured.velocity - true[3:6]))
-    if choice is not None and choice.swing is not None and choice.racket is not None:
-        row["arm_back"] = choice.swing.end_time - trial.ball.time
-        row["racket_speed"] = float(np.linalg.norm(choice.racket.velocity))
+    if selection is not None and selection.swing is not None and selection.racket is not None:
+        row["arm_back"] = selection.swing.end_time - trial.ball.time
+        row["racket_speed"] = float(np.linalg.norm(selection.racket.velocity))
     if outcome.hit is not None:
         row |= dict(zip(("hit_x", "hit_y", "hit_z"), outcome.hit.before.position.tolist(), strict=True))
         row |= {"hit_offset": outcome.hit.offset, "edge": outcome.hit.edge}

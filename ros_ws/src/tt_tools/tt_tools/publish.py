@@ -81,13 +81,13 @@ def publish(topic: str, kind: str, values: str, qos: QosWords, options: PubOptio
 
 def _wait(output: rclpy.publisher.Publisher, options: PubOptions) -> None:
     """Wait for subscribers. Raises TtError if not all came in time."""
-    begin, told = time.monotonic(), -TELL
+    begin, reported = time.monotonic(), -TELL
     while output.get_subscription_count() < options.wait_for:
         now = time.monotonic() - begin
         if options.max_wait is not None and now > options.max_wait:
             found = output.get_subscription_count()
             raise TtError(f"Timed out waiting for subscribers: Expected {options.wait_for} subs but found {found}")
-        if now > told + TELL:
+        if now > reported + TELL:
             print(f"Waiting for at least {options.wait_for} matching subscription(s)...", flush=True)
-            told = now
+            reported = now
         time.sleep(WAIT)

@@ -251,8 +251,8 @@ def _is_swapped(burst: Burst, lamps: CalibratedLamps | None, search: SearchParam
 
 
 def _few_frames(good: int, frames: int, left_out: dict[DetectionReason, int]) -> Failure:
-    told = ", ".join(f"{count} x {code.value}" for code, count in left_out.items()) or "none"
-    return Failure(MeasurementReason.FEW_FRAMES, good=good, frames=frames, needed=LEAST_FRAMES, left_out=told)
+    counts = ", ".join(f"{count} x {code.value}" for code, count in left_out.items()) or "none"
+    return Failure(MeasurementReason.FEW_FRAMES, good=good, frames=frames, needed=LEAST_FRAMES, left_out=counts)
 
 
 def _is_finite(cameras: Sequence[Camera]) -> bool:

@@ -67,8 +67,8 @@ def run(runs: int) -> list[go.Figure]:
             for a in (0, 1):
                 mine = np.array([values for f, b, m, *values in rows if (f, b, m) == (frame, a, method)])
                 right, aligned = (np.abs(mine[:, 1] - mine[:, 0]) < RIGHT).mean(), (mine[:, 2] > CLOSE).mean()
-                told = (f"{right:.0%}", f"{aligned:.0%}", f"{np.median(mine[:, 3]):.1f}", f"{np.median(mine[:, 4]):.0f}")
-                table.add_row(name, frame, str(a + 1), *told)
+                cells = (f"{right:.0%}", f"{aligned:.0%}", f"{np.median(mine[:, 3]):.1f}", f"{np.median(mine[:, 4]):.0f}")
+                table.add_row(name, frame, str(a + 1), *cells)
     table.add_row("dissertation, Method 2", "?", "both", "89%", "75%", "", "30 to 65")
     Console(width=130).print(table)
     return [

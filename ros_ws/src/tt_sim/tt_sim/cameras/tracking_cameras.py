@@ -68,8 +68,8 @@ def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArr
         u, v = u + pixels[i, 0], v + pixels[i, 1]
         if step > 0.0:
             u, v = np.rint(u / step) * step, np.rint(v / step) * step
-        told = not lost[i] and 0.0 <= u <= width - 1 and 0.0 <= v <= height - 1
-        pixels[i, 0], pixels[i, 1] = (u, v) if told else (np.nan, np.nan)
+        is_seen = not lost[i] and 0.0 <= u <= width - 1 and 0.0 <= v <= height - 1
+        pixels[i, 0], pixels[i, 1] = (u, v) if is_seen else (np.nan, np.nan)
 
 
 class TrackingCameraPair:
