@@ -10,37 +10,26 @@ from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_bringup.report import read
+from tt_bringup.report.run_record import RunRecord
 from tt_core.errors import TtError
 from tt_eval.arm_loop import arm_ticks
 from tt_eval.arm_trial import STROKES_AT, TICK, strokes
-from tt_eval.page import Section, html_page
+from tt_eval.page import BLUE, GREY, ORANGE, Section, html_page, write_page
 from tt_sim.world.plant import Plant, PlantParams
 
-NEEDED = ("arm/swing", "joint_states", "diagnostics")
 AROUND = 0.5  # s, shown before and after the strike
 
 
 def recorded(bag: Path) -> tuple[np.ndarray, np.ndarray, float]:
     """Reference and measured rows (n, 15) of time s, q rad, qdot rad/s, and the time (s) of the strike, the fastest point of the swing."""
-    found = read(bag)
-
-    def seconds(t):
-        return t.sec + 1e-9 * t.nanosec
-
-    missing = [topic for topic in NEEDED if not found.get(topic)]
-    if missing:
-        raise SystemExit(f"{bag} holds no {', '.join(missing)}: a recording of a swing is needed")
-    swing = found[NEEDED[0]][-1]
-    begin = seconds(swing.header.stamp)
-    reference = np.array([[begin + seconds(p.time_from_start), *p.positions, *p.velocities] for p in swing.points])
-    measured = np.array([[seconds(m.header.stamp), *m.position, *m.velocity] for m in found[NEEDED[1]]])
-    swings = [{v.key: v.value for v in s.values} for m in found[NEEDED[2]] for s in m.status if s.name == "arm" and s.message == "swing"]
-    return reference, measured, float(swings[-1]["strike"])
+    balls = [ball for ball in RunRecord.read(bag).balls if ball.swing is not None and len(ball.joints)]
+    if not balls:
+        raise SystemExit(f"{bag} holds no arm/swing with joint_states: a recording of a swing is needed")
+    swing = balls[-1].swing
+    return np.column_stack([swing.times, swing.q, swing.qdot]), balls[-1].joints, swing.strike
 
 
 def played(kind: str, scale: int) -> tuple[np.ndarray, np.ndarray, float]:
@@ -61,21 +50,27 @@ def played(kind: str, scale: int) -> tuple[np.ndarray, np.ndarray, float]:
     return reference, np.array(rows), choice.swing.strike_time
 
 
-def figure(reference: np.ndarray, measured: np.ndarray, strike: float) -> go.Figure:
-    """q on the left and qdot on the right of each joint, s from the strike."""
-    names = ArmModel.pa10().names
-    made = make_subplots(rows=7, cols=2, shared_xaxes=True, vertical_spacing=0.015)
-    for rows, name, style in ((reference, "reference", {"color": "#1b5e9b"}), (measured, "measured", {"color": "#c0392b", "dash": "dot"})):
-        shown = rows[np.abs(rows[:, 0] - strike) < AROUND]
-        for i in range(7):
-            for column, first, unit in ((1, 1, "rad"), (2, 8, "rad/s")):
-                place = {"row": i + 1, "col": column}
-                made.add_scatter(x=shown[:, 0] - strike, y=shown[:, first + i], name=name, line=style, showlegend=i + column == 1, **place)
-                made.update_yaxes(title_text=f"{names[i]}, {unit}", **place)
-    made.add_vline(x=0.0, line={"color": "#999", "width": 1})
-    for column in (1, 2):
-        made.update_xaxes(title_text="s from the strike", row=7, col=column)
-    return made.update_layout(height=1400, title="Joint angles and speeds around the strike")
+def figures(reference: np.ndarray, measured: np.ndarray, strike: float) -> list[go.Figure]:
+    """q, its error and qdot of each joint over the time from the strike."""
+    made = []
+    shown = [rows[np.abs(rows[:, 0] - strike) < AROUND] for rows in (reference, measured)]
+    for i, name in enumerate(ArmModel.pa10().names):
+        for first, what, unit in ((1, "angle", "rad"), (8, "speed", "rad/s")):
+            figure = go.Figure()
+            for rows, label, colour, dash in zip(shown, ("reference", "measured"), (BLUE, ORANGE), ("solid", "dot"), strict=True):
+                figure.add_scatter(x=rows[:, 0] - strike, y=rows[:, first + i], name=label, line={"color": colour, "dash": dash})
+            made.append(_over_time(figure, f"{name}: {what}", unit))
+        times = shown[1][:, 0]
+        error = 1e3 * (shown[1][:, 1 + i] - np.interp(times, reference[:, 0], reference[:, 1 + i]))
+        figure = go.Figure().add_scatter(x=times - strike, y=error, name="measured minus reference", line={"color": BLUE})
+        made.append(_over_time(figure, f"{name}: error of the angle", "mrad"))
+    return made
+
+
+def _over_time(figure: go.Figure, title: str, unit: str) -> go.Figure:
+    figure.add_vline(x=0.0, line={"color": GREY, "width": 1, "dash": "dot"})
+    figure.update_xaxes(title_text="s from the strike").update_yaxes(title_text=unit)
+    return figure.update_layout(title=title, height=280, showlegend=len(figure.data) > 1)
 
 
 def main() -> None:
@@ -89,11 +84,12 @@ def main() -> None:
     reference, measured, strike = rows
     at = [np.array([np.interp(strike, r[:, 0], r[:, k]) for k in range(1, 15)]) for r in (reference, measured)]
     off = np.abs(at[1] - at[0])
+    worst = f"At the strike q is off by at most {np.degrees(off[:7].max()):.3f} degrees, qdot by {off[7:].max():.3f} rad/s."
     try:
-        Path(sys.argv[2]).write_text(html_page(f"Swing of {sys.argv[1]}", [Section(figures=[figure(*rows)])]))
+        write_page(Path(sys.argv[2]), html_page(f"Swing of {sys.argv[1]}", [Section(figures=figures(*rows))], lead=[worst]))
     except OSError as error:
         raise SystemExit(f"swing: {error}") from error
-    print(f"{sys.argv[2]}: at the strike q is off by at most {np.degrees(off[:7].max()):.3f} degrees, qdot by {off[7:].max():.3f} rad/s")
+    print(f"{sys.argv[2]}: {worst}")
 
 
 if __name__ == "__main__":

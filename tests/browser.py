@@ -1,4 +1,4 @@
-"""A browser for tests: Debian's chromium, driven by Playwright, and the view of a graph in it."""
+"""A browser for tests: Debian's chromium, driven by Playwright."""
 
 import os
 import shutil
@@ -22,20 +22,20 @@ LOADING = 90e3  # ms for the page on a busy machine without a graphics card
 
 
 @contextmanager
-def opened(address, width=1400, height=900):
-    """Open a page; yield it with the list of its console errors."""
+def opened(address, width=1400, height=900, *, button="Launch a ball", dark=False):
+    """Open a page, and wait for a button of it; yield it with the list of its console errors."""
     from playwright.sync_api import sync_playwright
 
     environment = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy")}
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS, env=environment)
         try:
-            page, errors = browser.new_page(viewport={"width": width, "height": height}), []
+            page, errors = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light"), []
             page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.set_default_timeout(LOADING)
             page.goto(address, wait_until="commit")
-            page.get_by_role("button", name="Launch a ball").wait_for()
+            page.get_by_role("button", name=button).wait_for()
             yield page, errors
         finally:
             browser.close()

@@ -15,7 +15,7 @@ def test_a_swing_is_drawn_around_its_strike(tmp_path):
     page = tmp_path / "swing.html"
     done = draw("top 3", page)
     assert done.returncode == 0, done.stderr
-    assert "at the strike q is off by at most 0.0" in done.stdout  # degrees; an arm with 5 ms of lag is 0.03 off
+    assert "At the strike q is off by at most 0.0" in done.stdout  # degrees; an arm with 5 ms of lag is 0.03 off
     assert "s from the strike" in page.read_text()
 
 

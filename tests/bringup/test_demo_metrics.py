@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from tt_bringup.demo_metrics import HEADER, demo_metrics, line
+from tt_bringup.demo_metrics import HEADER, demo_metrics, line, true_ball
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import BallState, ReturnGoal
@@ -32,9 +32,11 @@ def values(**changes):
 
 MEASURED = BallState.from_vector(10.02, fly(LAUNCHED.vector, 0.02, AIR.coefficients) + np.array([0, 0, 0, 0, 0, 0, 3.0, 4.0, 0]))
 
+TRUE = true_ball(values(), MEASURED.time, AIR)
+
 
 def test_a_returned_ball():
-    s = demo_metrics(values(), GOAL, MEASURED, 40.0, None, AIR)
+    s = demo_metrics(values(), GOAL, MEASURED, 40.0, None, TRUE)
     assert (s.seen, s.hit, s.landed, s.reason) == (True, True, True, None)
     assert s.spin_error_rpm == pytest.approx(5.0 * 60 / (2 * np.pi))
     assert s.speed_true == pytest.approx(s.speed_measured)
@@ -58,11 +60,11 @@ MISSED = values(result="missed", hit="null", after_hit="null", offset="null", la
     ],
 )
 def test_a_missed_ball_has_its_reason(values, measured, refusal, reason):
-    s = demo_metrics(values, GOAL, measured, None, refusal, AIR)
+    s = demo_metrics(values, GOAL, measured, None, refusal, true_ball(values, MEASURED.time, AIR))
     assert (s.hit, s.landed, s.reason) == (False, False, reason)
     assert line(s).rstrip().endswith(reason)
 
 
 def test_columns_stand_under_their_heads():
-    widths = {len(row) for row in HEADER.splitlines()} | {len(line(demo_metrics(values(), GOAL, MEASURED, 40.0, None, AIR)))}
+    widths = {len(row) for row in HEADER.splitlines()} | {len(line(demo_metrics(values(), GOAL, MEASURED, 40.0, None, TRUE)))}
     assert len(widths) == 1 and widths.pop() <= 130  # columns of a terminal

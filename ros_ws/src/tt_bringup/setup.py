@@ -16,13 +16,20 @@ setup(
     name="tt_bringup",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"tt_bringup": ["py.typed"]},
+    package_data={"tt_bringup": ["py.typed", "report/*.js", "report/*.css"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_bringup"]),
         ("share/tt_bringup", ["package.xml"]),
         (
             "lib/tt_bringup",
-            ["scripts/compare", "scripts/marker_node", "scripts/reprocess", "scripts/robot_state_publisher", "scripts/view_node"],
+            [
+                "scripts/compare",
+                "scripts/marker_node",
+                "scripts/report",
+                "scripts/reprocess",
+                "scripts/robot_state_publisher",
+                "scripts/view_node",
+            ],
         ),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),

@@ -6,7 +6,7 @@ setup(
     name="tt_eval",
     version="0.1.0",
     packages=find_packages(),
-    package_data={"tt_eval": ["*/*.yaml", "py.typed"]},
+    package_data={"tt_eval": ["*/*.yaml", "pages/*", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_eval"]),
         ("share/tt_eval", ["package.xml"]),

@@ -40,8 +40,8 @@ from tt_tools import launch
 from tt_tools.graph import graph as graph_of_tools
 from tt_tools.graph import nodes
 
-from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line
-from .report import page
+from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line, true_ball
+from .report import write_report
 
 READY = 90.0  # s until every node must be there; a cold start loads compiled kernels
 BALL = 10.0  # s, simulated, from a launch to the end of the ball
@@ -192,7 +192,8 @@ def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics
         goal = demo.ask(np.array(SPINS[shot.split()[0]], float))
         waiter.wait(lambda: demo.status is not None, 10.0 + BALL / rtf, f"the end of the ball {shot}")
         assert demo.status is not None
-        scores.append(demo_metrics(demo.status, goal, demo.measured, demo.latency_ms, demo.refusal, Physics.liu().air))
+        true = true_ball(demo.status, demo.measured.time, Physics.liu().air) if demo.measured else None
+        scores.append(demo_metrics(demo.status, goal, demo.measured, demo.latency_ms, demo.refusal, true))
         print(line(scores[-1]), flush=True)
         again = time.monotonic() + min(max(demo.rest - demo.over, 0.0), LONGEST_REST) / rtf
         waiter.wait(lambda at=again: time.monotonic() >= at, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]
@@ -319,7 +320,7 @@ def main() -> None:
     print(summary(scores))
     bag, report = args.out / "bag", args.out / "report.html"
     try:
-        report.write_text(page(bag, scores))
+        write_report(bag, report)
     except (TtError, OSError) as error:
         print(f"demo: no page: {error}", file=sys.stderr)
         raise SystemExit(1) from error

@@ -71,13 +71,26 @@ def _ball(text: str) -> BallState | None:
     return BallState.from_vector(row[0], np.array(row[1:])) if row else None
 
 
+def launched_ball(values: dict[str, str]) -> BallState:
+    """Return the ball at its launch, of what the simulator reports of a ball that is over."""
+    ball = _ball(values["launched"])
+    assert ball is not None
+    return ball
+
+
+def true_ball(values: dict[str, str], time: float, air: Aerodynamics) -> BallState:
+    """Return the true ball at `time`, s, before its first contact, from its launch. values: as launched_ball; air: the true air."""
+    launched = launched_ball(values)
+    return BallState.from_vector(time, fly(launched.vector, time - launched.time, air.coefficients))
+
+
 def demo_metrics(
     values: dict[str, str],
     goal: ReturnGoal,
     measured: BallState | None,
     latency_ms: float | None,
     refusal: str | None,
-    air: Aerodynamics,
+    true: BallState | None,
 ) -> DemoMetrics:
     """Return the metrics of a ball that is over.
 
@@ -87,15 +100,11 @@ def demo_metrics(
         measured: The last measured ball, which may be of an earlier flight; None without any.
         latency_ms: ms, from the last frame to the first joint command; None without a command.
         refusal: The last warning of the robot during the flight, or None.
-        air: The true air.
+        true: The true ball at the time of the measurement; None if nobody knows it.
     """
-    launched, hit, after, landing = (_ball(values[key]) for key in ("launched", "hit", "after_hit", "landing"))
-    assert launched is not None
+    launched, hit, after, landing = launched_ball(values), *(_ball(values[key]) for key in ("hit", "after_hit", "landing"))
     if measured and not launched.time < measured.time < launched.time + SEEN_WITHIN:
-        measured = None  # of an earlier ball
-    true = None
-    if measured:
-        true = BallState.from_vector(measured.time, fly(launched.vector, measured.time - launched.time, air.coefficients))
+        measured = true = None  # of an earlier ball
     result = Result(values["result"])
     reason = None if result is Result.RETURNED else result.value if measured and not refusal else refusal or "not seen"
     spin_true = (true or launched).spin

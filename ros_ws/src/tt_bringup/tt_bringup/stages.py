@@ -35,7 +35,7 @@ from tt_vision.capture.assembler import Assembler, BurstParams
 from tt_vision.capture.burst import Burst
 from tt_vision.detection.lens_correction import Lens, straighten
 from tt_vision.estimate_node import EstimateParams, read_lamps, read_poses
-from tt_vision.measure import measure_burst
+from tt_vision.measure import Measurement, measure_burst
 from tt_vision.rig import SIDES
 from tt_vision.spin.registration import SearchParams
 
@@ -69,26 +69,34 @@ class Vision:
 
     def take(self, topic: str, message: Any) -> Output | None:
         """Take a message of one of `inputs`."""
+        burst = self.add(topic, message)
+        measured = None if burst is None else self.measure(burst)
+        if measured is None:
+            return None
+        result = measured[1]
+        if result.ball is None or result.reason is not None:
+            self.refused[_code(result.reason)] += 1
+            return None
+        return Output("ball/measured", ODOMETRY, ball_to_message(result.ball))
+
+    def add(self, topic: str, message: Any) -> Burst | None:
+        """Take a message of one of `inputs`; return the burst if it is complete with it."""
         _, name, what = topic.split("/")
         side = SIDES.index(name)
         if what == "camera_info":
             width, height, matrix, distortion = camera_from_message(message)
             self.lenses[side] = Lens(matrix, distortion, width, height)
             return None
-        burst = self.assembler.add(side, stamp_seconds(message.header.stamp), image_from_message(message))
-        return None if burst is None else self._measure(burst)
+        return self.assembler.add(side, stamp_seconds(message.header.stamp), image_from_message(message))
 
-    def _measure(self, burst: Burst) -> Output | None:
+    def measure(self, burst: Burst) -> tuple[Burst, Measurement] | None:
+        """Return a burst with its cameras, and what it tells; None without their calibration."""
         lenses = [lens for lens in (self.lenses[side] for side in self.sides) if lens is not None]
         if len(lenses) < len(self.sides):
             self.refused["no camera_info"] += 1
             return None
         straight = straighten(burst, lenses, [self.poses[side] for side in self.sides])
-        result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search)
-        if result.ball is None or result.reason is not None:
-            self.refused[_code(result.reason)] += 1
-            return None
-        return Output("ball/measured", ODOMETRY, ball_to_message(result.ball))
+        return straight, measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search)
 
 
 class Predict:

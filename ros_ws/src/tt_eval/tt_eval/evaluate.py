@@ -12,7 +12,6 @@ import numpy as np
 import plotly.graph_objects as go
 import pyarrow.parquet as pq
 import rich.table
-from plotly.subplots import make_subplots
 from pyarrow import ArrowException
 from rich.console import Console
 from tt_core.constants import NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
@@ -24,22 +23,21 @@ from tt_vision.camera import triangulate
 
 from .episode import Episode, play
 from .miss import Miss
-from .page import Section, Table, html_page
+from .page import BLUE, GREEN, GREY, ORANGE, WHOLE, Section, Table, html_page, write_page
 from .scenario import load
 from .sweep_metrics import NUMBERS, TEXTS
 
 RETURNS = (
-    "balls", "hit, %", "on the table, %", "landing off, cm: median", "95 %", "flight time off, ms: median", "95 %",
-    "spin off, rad/s: median", "95 %", "missed because",
+    "balls", "hit, %", "on the table, %", "landing off, cm: median", "landing off, cm: 95 %", "flight time off, ms: median",
+    "flight time off, ms: 95 %", "spin off, rad/s: median", "spin off, rad/s: 95 %", "missed because",
 )  # fmt: skip
 JUDGE = ("landing x, mm", "landing y, mm", "flight time, ms", "spin about y, rad/s", "spin about z, rad/s", "miss told otherwise, balls")
 ROBOT = (
-    "measured, %", "measured spin off, rpm: median", "95 %", "its speed within 200 rpm, %", "its axis within 15 deg, %",
-    "arm waits again after, s: 95 %",
+    "measured, %", "measured spin off, rpm: median", "measured spin off, rpm: 95 %", "its speed within 200 rpm, %",
+    "its axis within 15 deg, %", "arm waits again after, s: 95 %",
 )  # fmt: skip
 AXIS = 14.07  # deg, acos 0.97: the dissertation's 15 deg (Section 2.5.1)
 SHOWN = 2000  # balls of a sweep whose dots are drawn; browsers show few figures that use the graphics card
-BLUE, RED, GREEN, GREY = "#1b5e9b", "#c0392b", "#2d8a4e", "#444"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,8 @@ def _cell(value: float, digits: int = 1) -> str:
 
 def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str = "") -> list[str]:
     """Return the cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras show."""
-    shares = [100.0 * float(numbers[f"{who}{name}"].mean()) for name in ("hit", "landed")]
+    asked = np.isfinite(numbers["asked_x"]).any()  # a sweep of the measurement alone asks for no return
+    shares = [100.0 * float(numbers[f"{who}{name}"].mean()) if asked else float("nan") for name in ("hit", "landed")]
     errors = (("landing_error", 100.0), ("time_error", 1e3), ("return_spin_error", 1.0))
     cells = [_cell(v) for v in (*shares, *(v for name, scale in errors for v in percentiles(numbers[f"{who}{name}"], scale)))]
     return [str(len(misses)), *cells, ", ".join(f"{miss} {n}" for miss, n in why(misses).items()) or "none"]
@@ -132,58 +131,65 @@ def tables(sweeps: Sequence[Sweep]) -> list[Table]:
     ]
 
 
-def _field(figure: go.Figure, height: float | None = None, **where: int) -> None:
+def _field(figure: go.Figure, height: float | None = None) -> None:
     """Draw the table and its net from above, or from the side with a net of `height` (m)."""
     low, high = (0.0, TABLE_WIDTH) if height is None else (0.0, height)
-    line = {"color": GREY}
-    figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=low, y1=high if height is None else 0.0, line={"color": BLUE}, **where)
-    figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=low, y1=high, line=line, **where)
+    figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=low, y1=high if height is None else 0.0, line={"color": BLUE})
+    figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=low, y1=high, line={"color": GREY})
+
+
+def _dots(x: Array, y: Array, title: str, x_title: str, y_title: str) -> go.Figure:
+    """Draw a dot for each ball."""
+    marker = {"size": 4, "color": BLUE, "opacity": 0.4}
+    figure = go.Figure().add_scatter(x=_short(x), y=_short(y), mode="markers", marker=marker)
+    figure.update_xaxes(title_text=x_title).update_yaxes(title_text=y_title)
+    return figure.update_layout(title=title, showlegend=False, height=330)
+
+
+def _short(values: Array) -> Array:
+    """Return values with the digits that a figure shows, which halves the page."""
+    return values.astype(np.float32)
 
 
 def scatter(numbers: dict[str, Array]) -> go.Figure:
-    """Draw where returns land on the table, in truth and as judged."""
+    """Draw where returns land on the table, in truth and as judged, and over them where they were asked to."""
     figure = go.Figure()
     _field(figure)
-    for name, who, colour in (("true", "", BLUE), ("judged", "judged_", RED)):
+    for name, who, colour in (("true", "", BLUE), ("judged", "judged_", ORANGE)):
         marker = {"size": 4, "color": colour, "opacity": 0.4, "symbol": "circle" if not who else "cross-thin", "line": {"color": colour}}
         marker["line"]["width"] = 1 if who else 0  # type: ignore[index]
-        figure.add_scatter(x=numbers[f"{who}landing_x"], y=numbers[f"{who}landing_y"], mode="markers", marker=marker, name=name)
+        x, y = (_short(numbers[f"{who}landing_{axis}"]) for axis in "xy")
+        figure.add_scatter(x=x, y=y, mode="markers", marker=marker, name=name)
     asked = np.unique(np.column_stack([numbers["asked_x"], numbers["asked_y"]])[np.isfinite(numbers["asked_x"])], axis=0)
-    figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker={"symbol": "x", "size": 9, "color": GREEN}, name="asked")
+    ring = {"symbol": "circle-open", "size": 18, "color": GREEN, "line": {"width": 4}}
+    figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker=ring, name="asked")
     figure.update_yaxes(title_text="y, m", scaleanchor="x", range=[-0.1, TABLE_WIDTH + 0.1])
-    return figure.update_layout(title="Landing places", height=560, xaxis={"title": "x, m (the robot is left)", "range": [-0.1, 2.84]})
+    figure.update_xaxes(title_text="x, m (the robot is left)", range=[-0.1, TABLE_LENGTH + 0.1])
+    return figure.update_layout(title="Landing places", height=560, meta=WHOLE)
 
 
-def causes(numbers: dict[str, Array]) -> go.Figure:
+def causes(numbers: dict[str, Array]) -> list[go.Figure]:
     """Draw the errors of landing and measured spin against spin and speed of the launched ball."""
     errors = (("landing_error", 100.0, "landing off, cm"), ("measured_spin_error_rpm", 1.0, "measured spin off, rpm"))
-    there = [error for error in errors if np.isfinite(numbers[error[0]]).any()]
-    figure = make_subplots(rows=max(1, len(there)), cols=2, shared_xaxes=True, shared_yaxes=True, vertical_spacing=0.06)
-    for row, (error, scale, name) in enumerate(there, 1):
-        for column, (cause, title) in enumerate((("spin_rpm", "spin, rpm"), ("speed", "speed, m/s")), 1):
-            dots = {
-                "x": numbers[cause],
-                "y": scale * numbers[error],
-                "mode": "markers",
-                "marker": {"size": 4, "color": BLUE, "opacity": 0.4},
-            }
-            figure.add_scatter(**dots, row=row, col=column)
-            figure.update_xaxes(title_text=f"{title} of the launched ball", row=len(there), col=column)
-        figure.update_yaxes(title_text=name, rangemode="tozero", row=row, col=1)
-    return figure.update_layout(title="Error against spin and speed", showlegend=False, height=160 + 260 * len(there))
+    return [
+        _dots(numbers[cause], scale * numbers[error], f"{name.capitalize()}, against {title}", f"{title} of the launched ball", name)
+        for error, scale, name in errors
+        for cause, title in (("spin_rpm", "spin, rpm"), ("speed", "speed, m/s"))
+        if np.isfinite(numbers[error]).any()
+    ]
 
 
-def judged_off(numbers: dict[str, Array]) -> go.Figure:
+def judged_off(numbers: dict[str, Array]) -> list[go.Figure]:
     """Draw the judge's own error, ball by ball: landing place, flight time, spin."""
-    titles = ("landing place, mm", "flight time, ms", "spin about y and z, rad/s")
-    figure = make_subplots(rows=1, cols=3, subplot_titles=titles)
     off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
-    marker = {"size": 4, "color": BLUE, "opacity": 0.4}
-    figure.add_scatter(x=1e3 * off["landing_x"], y=1e3 * off["landing_y"], mode="markers", marker=marker, row=1, col=1)
-    figure.add_histogram(x=1e3 * off["flight_time"], marker_color=BLUE, row=1, col=2)
-    figure.add_scatter(x=off["spin_y"], y=off["spin_z"], mode="markers", marker=marker, row=1, col=3)
-    figure.update_yaxes(title_text="balls", row=1, col=2)
-    return figure.update_layout(title="The judge's own error: judged minus true", showlegend=False, height=400)
+    begin = "The judge's own error: judged minus true "
+    times = go.Figure().add_histogram(x=_short(1e3 * off["flight_time"]), marker_color=BLUE)
+    times.update_xaxes(title_text="ms").update_yaxes(title_text="balls").update_layout(title=f"{begin}flight time", height=330)
+    return [
+        _dots(1e3 * off["landing_x"], 1e3 * off["landing_y"], f"{begin}landing place", "x, mm", "y, mm"),
+        times,
+        _dots(off["spin_y"], off["spin_z"], f"{begin}spin", "about y, rad/s", "about z, rad/s"),
+    ]
 
 
 def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.Figure:
@@ -191,7 +197,7 @@ def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.
     true, judged_counts = why(misses), why(judged)
     names = [*true, *(name for name in judged_counts if name not in true)]
     figure = go.Figure()
-    for name, counts, colour in (("true", true, BLUE), ("judged", judged_counts, RED)):
+    for name, counts, colour in (("true", true, BLUE), ("judged", judged_counts, ORANGE)):
         figure.add_bar(x=[miss.value for miss in names], y=[counts.get(miss, 0) for miss in names], name=name, marker_color=colour)
     if not names:
         figure.add_annotation(text="none was missed", showarrow=False, font={"size": 16}, xref="paper", yref="paper", x=0.5, y=0.5)
@@ -199,41 +205,40 @@ def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.
     return figure.update_layout(title="Why balls were missed", height=360, yaxis_title="balls")
 
 
-def one_ball(episode: Episode) -> go.Figure:
+def one_ball(episode: Episode) -> list[go.Figure]:
     """Draw one ball as dissertation Figures 4.7 to 4.10 do: from the side, from above, and the return over time.
 
-    Dots are where the wide cameras saw it, red lines are the fitted flights; what was asked is grey in place and green in time.
+    Dots are where the wide cameras saw it, lines are the fitted flights; what was asked is grey in place and green in time.
     """
-    titles = ("from the side", "from above", "x after the hit", "y after the hit", "z after the hit")
-    places = [{"colspan": 3}, None, None]
-    figure = make_subplots(rows=3, cols=3, specs=[places, places, [{}, {}, {}]], subplot_titles=titles, vertical_spacing=0.09)
-    _field(figure, NET_HEIGHT, row=1, col=1)
-    _field(figure, row=2, col=1)
     seen = np.column_stack([episode.sightings.times, triangulate(believed(), episode.sightings.pixels)])
     judged, goal, air = episode.judged, episode.goal, episode.trial.scenario.world.physics.air.coefficients
     hit, fit = judged.hit.before.time if judged.hit else np.inf, flown(judged, air)
-    for name, part, symbol, colour in (("coming", seen[:, 0] <= hit, "star", BLUE), ("returning", seen[:, 0] > hit, "circle", "#111")):
-        marker, rows = {"symbol": symbol, "size": 5, "color": colour}, seen[part]
-        for row, axis in ((1, 3), (2, 2)):
-            figure.add_scatter(x=rows[:, 1], y=rows[:, axis], name=name, mode="markers", marker=marker, showlegend=row == 1, row=row, col=1)
     fit = fit[fit[:, 0] >= hit]
-    for row, axis in ((1, 3), (2, 2)):
-        figure.add_scatter(x=fit[:, 1], y=fit[:, axis], name="fitted", line={"color": RED}, showlegend=row == 1, row=row, col=1)
+    figures = []
+    for title, axis, name, height in (("From the side", 3, "z, m", NET_HEIGHT), ("From above", 2, "y, m", None)):
+        figure = go.Figure()
+        _field(figure, height)
+        for part, rows, symbol, colour in (
+            ("coming", seen[seen[:, 0] <= hit], "star", BLUE),
+            ("returning", seen[seen[:, 0] > hit], "circle", GREEN),
+        ):
+            marker = {"symbol": symbol, "size": 5, "color": colour}
+            figure.add_scatter(x=rows[:, 1], y=rows[:, axis], name=part, mode="markers", marker=marker)
+        figure.add_scatter(x=fit[:, 1], y=fit[:, axis], name="fitted", line={"color": ORANGE})
+        figure.update_xaxes(title_text="x, m (the robot is left)").update_yaxes(title_text=name, scaleanchor="x")
+        figures.append(figure.update_layout(title=title, height=380))
+    if goal is None:
+        return figures
     rows = seen[seen[:, 0] > hit]
-    for k in range(3):
-        if goal is None:
-            break
-        marker = {"size": 4, "color": "#111"}
-        figure.add_scatter(x=rows[:, 0] - hit, y=rows[:, k + 1], mode="markers", marker=marker, showlegend=False, row=3, col=k + 1)
-        figure.add_scatter(x=fit[:, 0] - hit, y=fit[:, k + 1], line={"color": RED}, showlegend=False, row=3, col=k + 1)
-        wanted = (*goal.landing, episode.trial.scenario.robot.physics.contact_height)
-        figure.add_hline(y=wanted[k], line={"color": GREY}, row=3, col=k + 1)
-        figure.add_vline(x=goal.flight_time, line={"color": GREEN}, row=3, col=k + 1)
-        figure.update_xaxes(title_text="s", row=3, col=k + 1)
-    figure.update_yaxes(title_text="z, m", row=1, col=1).update_yaxes(title_text="y, m", row=2, col=1)
-    figure.update_xaxes(title_text="x, m (the robot is left)", row=2, col=1)
-    title = f"One ball as two wide cameras saw it, {episode.trial.kind} {episode.trial.scale} (Figures 4.7 to 4.10)"
-    return figure.update_layout(title=title, height=900)
+    wanted = (*goal.landing, episode.trial.scenario.robot.physics.contact_height)
+    for k, name in enumerate("xyz"):
+        figure = go.Figure()
+        figure.add_scatter(x=rows[:, 0] - hit, y=rows[:, k + 1], mode="markers", marker={"size": 4, "color": BLUE}, name="seen")
+        figure.add_scatter(x=fit[:, 0] - hit, y=fit[:, k + 1], line={"color": ORANGE}, name="fitted")
+        figure.add_hline(y=wanted[k], line={"color": GREY}).add_vline(x=goal.flight_time, line={"color": GREEN})
+        figure.update_xaxes(title_text="s after the hit").update_yaxes(title_text=f"{name}, m")
+        figures.append(figure.update_layout(title=f"{name} after the hit; lines: asked place and time", height=330))
+    return figures
 
 
 def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
@@ -247,17 +252,28 @@ def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
 
 def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
     """Return tables and figures of sweeps, and one ball, as an HTML page."""
-    sections = [Section("", tables(sweeps))]
-    if ball is not None:
-        sections.append(Section("One ball", figures=[one_ball(ball)]))
+    sections = [Section("", tables=tables(sweeps))]
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
-        figures = [scatter(shown), causes(shown), judged_off(shown)] if landed else [causes(shown)]
-        sections.append(Section(s.name, figures=[*figures, reasons(s.misses, s.judged)]))
-    for section in sections:
-        for figure in section.figures:
-            figure.update_layout(template="plotly_white", legend={"itemsizing": "constant"})
-    return html_page("Rallies", sections)
+        figures = [scatter(shown), *causes(shown), *judged_off(shown)] if landed else causes(shown)
+        dots = f"Dots are the first {SHOWN} of {len(s.misses)} balls." if len(s.misses) > SHOWN else ""
+        sections.append(Section(f"Sweep of {s.name}", text=[dots] if dots else (), figures=[*figures, reasons(s.misses, s.judged)]))
+    if ball is not None:
+        title = f"One ball as two wide cameras saw it, {ball.trial.kind} {ball.trial.scale} (Figures 4.7 to 4.10)"
+        sections.append(Section(title, figures=one_ball(ball)))
+    return html_page("Rallies", sections, lead=[verdict(s) for s in sweeps])
+
+
+def verdict(sweep: Sweep) -> str:
+    """Say in a sentence what became of the balls of a sweep."""
+    count = len(sweep.misses)
+    if not np.isfinite(sweep.numbers["asked_x"]).any():
+        seen = 100.0 * float(sweep.numbers["seen"].mean())
+        return f"{sweep.name}: {count} balls were measured only, {seen:.1f} % of them with success."
+    hit, landed = (100.0 * float(sweep.numbers[name].mean()) for name in ("hit", "landed"))
+    off = _cell(percentiles(sweep.numbers["landing_error"], 100.0)[0])
+    shares = f"{hit:.1f} % were hit and {landed:.1f} % landed on the table"
+    return f"{sweep.name}: of {count} balls {shares}, {off} cm from where asked (median)."
 
 
 def main() -> None:
@@ -280,7 +296,7 @@ def main() -> None:
             printed.add_row(*row)
         Console().print(printed)
     if args.page:
-        args.page.write_text(page(sweeps, ball))
+        write_page(args.page, page(sweeps, ball))
         print(args.page)
 
 

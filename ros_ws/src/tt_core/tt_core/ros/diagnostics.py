@@ -162,6 +162,11 @@ class Status:
         self._publisher.publish(array)
 
 
+def _level(level: bytes | int) -> bytes:
+    """Return the level of a status as ROS has it; a message of a bag has a number."""
+    return level if isinstance(level, bytes) else bytes([int(level)])
+
+
 def read_status(message: DiagnosticArray) -> list[ReceivedStatus]:
     """Return all statuses of a message that are not repeated ones."""
     return [received for received, _ in _read(message)]
@@ -175,5 +180,5 @@ def read_warnings(message: DiagnosticArray) -> list[ReceivedStatus]:
 def _read(message: DiagnosticArray) -> list[tuple[ReceivedStatus, bytes]]:
     """Return the statuses of a message that are not repeated ones, and the level of each."""
     time = seconds(message.header.stamp)
-    received = [(ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}), s.level) for s in message.status]
+    received = [(ReceivedStatus(time, s.name, s.message, {v.key: v.value for v in s.values}), _level(s.level)) for s in message.status]
     return [(status, level) for status, level in received if REPEATED not in status.values]

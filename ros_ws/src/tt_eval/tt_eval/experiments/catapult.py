@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial import cKDTree
@@ -32,6 +31,8 @@ PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed 
     2: "6.25 m/s, 3253 rpm, 47 ms, IN 10",
     3: "7.29 m/s, 3630 rpm, 47 ms, IN 12",
 }
+PANELS = 6  # pictures of one burst
+AROUND = 1.3  # half squares around the balls that the pictures show
 CAMERA = 1  # "say Camera 2"
 
 
@@ -86,7 +87,7 @@ def run(runs: int) -> list[go.Figure]:
                 ]
                 traces.append((f"{kind} {scale}, shot {n + 1}", trace))
                 if (kind, scale) == ("top", 4):
-                    pictures.append(_pictures(detected, spin, f"Figure 2.{18 + len(pictures) + 1}: top 4, shot {n + 1}"))
+                    pictures += _pictures(detected, spin, f"Figure 2.{19 + len(pictures) // PANELS}: top 4, shot {n + 1}")
         slow, off, speed, spin_off = np.median(misses, axis=0) if misses else (np.nan,) * 4
         ours_off = f"{speed:.4f}, {spin_off:.1f}"
         table.add_row(f"{kind} {scale}", first[0], first[1], f"{slow:.3f}, {off:.0f}", first[2], ours_off, PRINTED.get(n, ""))
@@ -105,8 +106,8 @@ def _convergence(traces: list[tuple[str, list[tuple[float, Array]]]]) -> list[go
     return [objective, speed]
 
 
-def _pictures(burst: Burst, spin: Array, title: str) -> go.Figure:
-    """Return the pictures of one burst.
+def _pictures(burst: Burst, spin: Array, title: str) -> list[go.Figure]:
+    """Return the pictures of one burst, PANELS of them.
 
     (a) a frame, (b) its square, (c) the next frame's square as estimated from it, (d) the next frame, (e) its square, (f) the residual.
     """
@@ -125,9 +126,13 @@ def _pictures(burst: Burst, spin: Array, title: str) -> go.Figure:
     residual = np.where(inside[1], images[1] - estimated, np.nan)
     panels = (images[0], np.where(inside[0], images[0], np.nan), estimated, images[1], np.where(inside[1], images[1], np.nan), residual)
     names = ("(a) frame k", "(b) its square", "(c) estimated k + 1", "(d) frame k + 1", "(e) its square", "(f) residual")
-    figure = make_subplots(2, 3, subplot_titles=names)
-    for n, panel in enumerate(panels):
+    low, high = pixels[CAMERA, :2].min(axis=0) - AROUND * half, pixels[CAMERA, :2].max(axis=0) + AROUND * half
+    (left, top), (right, bottom) = np.maximum(low, 0).astype(int), high.astype(int)
+    figures = []
+    for n, (name, panel) in enumerate(zip(names, panels, strict=True)):
         scale = {"zmin": -100, "zmax": 100, "colorscale": "RdBu"} if n == 5 else {"zmin": 0, "zmax": 255, "colorscale": "Greys_r"}
-        figure.add_heatmap(z=panel, showscale=False, row=n // 3 + 1, col=n % 3 + 1, **scale)
-    figure.update_yaxes(autorange="reversed").update_layout(title=title, height=700, width=1000)
-    return figure
+        figure = go.Figure().add_heatmap(z=panel[top:bottom, left:right].astype(np.float32), showscale=False, **scale)
+        figure.update_xaxes(visible=False, constrain="domain")
+        figure.update_yaxes(visible=False, autorange="reversed", scaleanchor="x", constrain="domain")
+        figures.append(figure.update_layout(title=f"{title}, {name}", height=300))
+    return figures

@@ -8,7 +8,7 @@ from pathlib import Path
 from tt_vision.rig import high_speed_pair
 from tt_vision.warm import warm
 
-from ..page import Section, html_page
+from ..page import Section, html_page, write_page
 from . import catapult, robustness, rotation
 
 EXPERIMENTS = {"rotation": rotation, "catapult": catapult, "robustness": robustness}
@@ -27,7 +27,7 @@ def main() -> None:
     warm(high_speed_pair())
     figures = EXPERIMENTS[args.name].run(args.runs)
     path = args.out / f"{args.name}.html"
-    path.write_text(html_page(args.name, [Section(figures=figures)]))
+    write_page(path, html_page(f"Experiment: {args.name}", [Section(figures=figures)]))
     print(f"figures: {path}")
 
 

@@ -14,6 +14,7 @@ from tt_core.constants import RPM
 from tt_sim.render import Lamps, Noise
 from tt_vision.measure import measure_burst
 
+from ..page import BLUE, WHOLE
 from ..synthetic_bursts import BurstConditions, bursts
 
 BASE = BurstConditions()
@@ -57,6 +58,7 @@ def run(runs: int) -> list[go.Figure]:
         at: Callable[[int, float], str] = lambda k, q: f"{np.percentile(rows[:, k], q):.3g}" if len(rows) else "-"  # noqa: E731, B023
         wrong = int((rows[:, 2] > 300.0).sum())
         table.add_row(name, at(2, 50), at(2, 95), at(2, 100), str(wrong), f"{refused} of {runs}", at(0, 95), at(1, 95))
-        figure.add_box(y=rows[:, 2], name=name, boxpoints="all", showlegend=False)
+        figure.add_box(y=rows[:, 2], name=name, boxpoints="all", showlegend=False, marker_color=BLUE)
     Console(width=150).print(table)
-    return [figure.update_layout(title=f"Error of the spin, rpm, {runs} bursts each", height=600).update_yaxes(type="log")]
+    figure.update_layout(title=f"Error of the spin, {runs} bursts each", height=600, meta=WHOLE)
+    return [figure.update_yaxes(type="log", title_text="rpm")]

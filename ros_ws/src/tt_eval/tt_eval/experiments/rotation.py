@@ -13,7 +13,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 from rich.console import Console
 from rich.table import Table
 from tt_core.constants import RPM
@@ -23,6 +22,7 @@ from tt_sim.world.rotation_machine import AXES, SPEEDS
 from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 from tt_vision.spin import estimate_spin
 
+from ..page import COLOURS, GREY
 from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
 FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
@@ -71,23 +71,26 @@ def run(runs: int) -> list[go.Figure]:
                 table.add_row(name, frame, str(a + 1), *cells)
     table.add_row("dissertation, Method 2", "?", "both", "89%", "75%", "", "30 to 65")
     Console(width=130).print(table)
-    return [
-        figure
-        for frame in FRAMES
-        for figure in (
-            _figure(rows, frame, 4, f"Figure 2.14: estimated speed, rpm, axes in {frame}"),
-            _figure(rows, frame, 5, f"Figure 2.15: inner product with the true axis, axes in {frame}"),
-        )
-    ]
+    figures = []
+    for frame in FRAMES:
+        for a in (0, 1):
+            where = f"axis {a + 1}, axes in {frame}"
+            mine = [row for row in rows if row[:2] == (frame, a)]
+            speeds = _figure(mine, 4, f"Figure 2.14: estimated speed, {where}", "rpm")
+            speeds.add_scatter(x=SPEEDS, y=SPEEDS, mode="lines", name="true", line={"color": GREY, "dash": "dot"})
+            along_axis = _figure(mine, 5, f"Figure 2.15: agreement of the axis, {where}", "inner product")
+            along_axis.add_hline(y=1.0, line={"color": GREY, "dash": "dot"})
+            figures += [speeds, along_axis]
+    return figures
 
 
-def _figure(rows: list[tuple], frame: str, column: int, title: str) -> go.Figure:
-    figure = make_subplots(1, 2, subplot_titles=["axis 1", "axis 2"])
-    for a in (0, 1):
-        for (method, name), symbol, shift in zip(
-            METHODS.items(), ("circle-open", "cross-thin-open", "x-thin-open"), (-30, 0, 30), strict=True
-        ):
-            mine = [row for row in rows if row[:3] == (frame, a, method)]
-            x, y = [row[3] + shift for row in mine], [row[column] for row in mine]
-            figure.add_scatter(x=x, y=y, mode="markers", name=name, marker_symbol=symbol, row=1, col=a + 1, showlegend=a == 0)
-    return figure.update_layout(title=title, height=420).update_xaxes(title="true speed, rpm")
+def _figure(rows: list[tuple], column: int, title: str, unit: str) -> go.Figure:
+    """Draw a column of the rows of one axis against the true speed, a mark for each burst and a colour for each method."""
+    figure = go.Figure()
+    looks = zip(METHODS.items(), ("circle-open", "cross-thin-open", "x-thin-open"), (-30, 0, 30), COLOURS, strict=False)
+    for (method, name), symbol, shift, colour in looks:
+        mine = [row for row in rows if row[2] == method]
+        x, y = [row[3] + shift for row in mine], [row[column] for row in mine]
+        figure.add_scatter(x=x, y=y, mode="markers", name=name, marker={"symbol": symbol, "color": colour})
+    figure.update_xaxes(title_text="true speed, rpm").update_yaxes(title_text=unit)
+    return figure.update_layout(title=title, height=380)

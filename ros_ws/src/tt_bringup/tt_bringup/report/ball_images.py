@@ -1,0 +1,234 @@
+"""The images that a ball was measured from, with its outline and its spin drawn into them as SVG."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+from tt_core.constants import BALL_RADIUS, RPM
+from tt_core.errors import TtError
+from tt_core.ros.bags import Bag
+from tt_core.states import Array
+from tt_vision.camera import Camera
+from tt_vision.capture.burst import Burst, Image
+from tt_vision.detection.outline import scan_outline
+from tt_vision.measure import Measurement
+from tt_vision.rig import SIDES
+
+from ..stages import Values, Vision
+
+MOST_FRAMES = 6  # of each camera that are shown, the last ones
+ROOM = 1.35  # radii of the ball from its middle to the edge of a shown image
+SIZE = 150  # pixels of a shown image
+SAMPLES = 60  # points of a drawn circle
+REACH = 4.0  # pixels within which edges are looked for around the outline, as the measurement does
+QUALITY = 85  # of JPEG
+
+
+@dataclass(frozen=True)
+class ShownImage:
+    """A part of an image around the ball.
+
+    Attributes:
+        camera: Its name.
+        time: s, the middle of its exposure.
+        jpeg: SIZE x SIZE pixels, base64.
+        outline: SVG path of the outline of the measured ball; "" if it was not measured.
+        edges: SVG path of dots where the edge of the ball was found.
+        equator: SVG path of the equator of the spin, and of a meridian that turns with the ball, as far as they are seen.
+        off: Pixels of the camera, rms distance of the edges from the outline; None without both.
+    """
+
+    camera: str
+    time: float
+    jpeg: str
+    outline: str
+    edges: str
+    equator: str
+    off: float | None
+
+
+@dataclass(frozen=True)
+class BallImages:
+    """The images of one burst, and what was measured anew from them.
+
+    Attributes:
+        time: s, of the last one.
+        images: By camera, then by time.
+        words: What the measurement says, for people.
+    """
+
+    time: float
+    images: Sequence[ShownImage]
+    words: str
+
+
+def read_ball_images(path: Path, values: Values) -> Iterator[BallImages]:
+    """Measure the bursts of a recording anew, as estimate_node does.
+
+    Args:
+        path: The bag.
+        values: Parameters of estimate_node by name.
+
+    Yields:
+        The images of each burst, in order of time.
+
+    Raises:
+        BagError: The bag cannot be read, or holds several robots.
+    """
+    vision = Vision(values)
+    with Bag(path) as bag:
+        names = {full: name for name in sorted(vision.inputs) if (full := bag.find(name))}
+        for message in bag.messages(list(names)) if names else ():
+            try:
+                burst = vision.add(names[message.topic], bag.decode(message))
+                measured = None if burst is None else vision.measure(burst)
+            except TtError:  # an image or a calibration that the node refuses, too
+                continue
+            if measured is not None:
+                yield shown(*measured, [SIDES[side] for side in vision.sides])
+
+
+def shown(burst: Burst, result: Measurement, names: Sequence[str]) -> BallImages:
+    """Return the images of a measured burst. names: of the cameras."""
+    times = burst.times[-MOST_FRAMES:]
+    first = len(burst) - len(times)
+    motion, spin = result.motion, result.spin.spin if result.spin is not None and result.ball is not None else None
+    places = motion.positions(burst.times) if motion is not None else None
+    images = []
+    for c, (camera, stack) in enumerate(zip(burst.cameras, burst.images, strict=True)):
+        for k in range(first, len(burst)):
+            found = burst.detections[c][k] if burst.detections and burst.detections[c] else None
+            ball = None
+            if motion is not None and places is not None:
+                since = float(burst.times[k] - burst.times[-1])
+                ball = _Ball(places[k], camera, motion.offsets[c], float(motion.edges[c]), spin, since)
+            contrast = found.contrast if found is not None else float(np.ptp(stack[k]))
+            images.append(_shown(names[c], float(burst.times[k]), stack[k], ball, contrast))
+    return BallImages(float(burst.times[-1]), images, _words(result))
+
+
+@dataclass(frozen=True, eq=False)
+class _Ball:
+    """The ball as a camera sees it.
+
+    Attributes:
+        place: (3,) m.
+        camera: The camera.
+        offset: (2,) pixels, from where the calibration puts the ball to where this camera has it.
+        edge: Pixels by which this camera finds the outline too far out.
+        spin: (3,) rad/s; None if it was not measured.
+        since: s since the last image.
+    """
+
+    place: Array
+    camera: Camera
+    offset: Array
+    edge: float
+    spin: Array | None
+    since: float
+
+    def limb(self) -> Array:
+        """Return the outline (n, 2) in pixels, as the fit has it in this camera."""
+        line = self.place - self.camera.position
+        distance = float(np.linalg.norm(line))
+        towards = line / distance
+        across, up = _across(towards)
+        middle = self.place - BALL_RADIUS**2 / distance * towards
+        radius = BALL_RADIUS * np.sqrt(1.0 - (BALL_RADIUS / distance) ** 2)
+        points = self.camera.project(middle + radius * _circle(across, up)) + self.offset
+        outwards = points - points.mean(axis=0)
+        return points + self.edge * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
+
+    def turning_lines(self) -> list[Array]:
+        """Return the seen parts (n, 2), pixels, of the equator of the spin and of a meridian that turns with the ball."""
+        speed = 0.0 if self.spin is None else float(np.linalg.norm(self.spin))
+        if self.spin is None or speed < 1.0:
+            return []
+        axis = self.spin / speed
+        across, up = _across(axis)
+        turned = Rotation.from_rotvec(self.spin * self.since).apply(np.array([across]))[0]
+        lines = []
+        for circle in (_circle(across, up), _circle(axis, turned)):
+            points = self.place + BALL_RADIUS * circle
+            seen = ((self.camera.position - points) * circle).sum(axis=1) > 0.0
+            pixels = self.camera.project(points) + self.offset
+            cuts = np.flatnonzero(np.diff(seen.astype(int))) + 1
+            lines += [part for part, is_seen in zip(np.split(pixels, cuts), np.split(seen, cuts), strict=True) if is_seen[0]]
+        return lines
+
+
+def _across(axis: Array) -> tuple[Array, Array]:
+    """Return two directions that are perpendicular to a direction and to each other, (3,) each."""
+    other = np.eye(3)[np.argmin(np.abs(axis))]
+    across = np.cross(axis, other)
+    across /= np.linalg.norm(across)
+    return across, np.cross(axis, across)
+
+
+def _circle(one: Array, other: Array) -> Array:
+    """Return the points (n, 3) of the unit circle through two perpendicular directions."""
+    angles = np.linspace(0.0, 2.0 * np.pi, SAMPLES + 1)[:, None]
+    return np.cos(angles) * one + np.sin(angles) * other
+
+
+def _shown(name: str, time: float, image: Image, ball: _Ball | None, contrast: float) -> ShownImage:
+    height, width = image.shape
+    limb, points, off = ball.limb() if ball is not None else None, np.empty((0, 2)), None
+    if limb is not None and np.isfinite(limb).all():
+        middle = limb.mean(axis=0)
+        radius = float(np.linalg.norm(limb - middle, axis=1).mean())
+        edges = scan_outline(image, *middle, max(1.0, radius - REACH), radius + REACH, contrast)
+        points, off = np.column_stack([edges["u"], edges["v"]]), _distance(edges, limb)
+    else:
+        limb, middle, radius = None, np.array([width - 1, height - 1]) / 2, min(width, height) / 2 / ROOM
+    half = ROOM * radius
+    corner, scale = middle - half, SIZE / (2.0 * half)
+    matrix = np.array([[scale, 0.0, -scale * corner[0]], [0.0, scale, -scale * corner[1]]])
+    full = 255.0 / max(float(image.max()), 1.0)
+    part = cv2.warpAffine((image * full).astype(np.uint8), matrix, (SIZE, SIZE), flags=cv2.INTER_LINEAR)
+    jpeg = base64.b64encode(cv2.imencode(".jpg", part, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()).decode()
+    lines = ball.turning_lines() if ball is not None and limb is not None else []
+    to_svg = lambda rows: scale * (np.asarray(rows) - corner)  # noqa: E731
+    return ShownImage(
+        name,
+        time,
+        jpeg,
+        _svg_path(to_svg(limb)) if limb is not None else "",
+        "".join(f"M{u:.1f} {v:.1f}h0" for u, v in to_svg(points)) if len(points) else "",
+        "".join(_svg_path(to_svg(line)) for line in lines if len(line) > 1),
+        off,
+    )
+
+
+def _distance(edges: np.ndarray, limb: Array) -> float | None:
+    """Return the rms distance, pixels, of edges from an outline (n, 2), weighted as the fit weights them; None without edges."""
+    if not len(edges):
+        return None
+    middle = limb.mean(axis=0)
+    rays, arms = np.column_stack([edges["u"], edges["v"]]) - middle, limb[:-1] - middle
+    order = np.argsort(np.arctan2(arms[:, 1], arms[:, 0]))
+    angles, radii = np.arctan2(arms[order, 1], arms[order, 0]), np.linalg.norm(arms[order], axis=1)
+    expected = np.interp(np.arctan2(rays[:, 1], rays[:, 0]), angles, radii, period=2.0 * np.pi)
+    return float(np.sqrt(np.average((np.linalg.norm(rays, axis=1) - expected) ** 2, weights=edges["weight"])))
+
+
+def _svg_path(points: Array) -> str:
+    return "M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in points)
+
+
+def _words(result: Measurement) -> str:
+    """Say what was measured from the images, or why nothing was."""
+    if result.ball is None or result.motion is None or result.spin is None:
+        return f"Not measured: {result.reason}."
+    rpm = np.linalg.norm(result.ball.spin) / RPM
+    return (
+        f"Measured from {result.used} pairs of images: {np.linalg.norm(result.ball.velocity):.2f} m/s, {rpm:.0f} rpm. "
+        f"The outlines fit within {result.motion.residual:.2f} pixels (rms). "
+        f"The marks agree up to a residual of {result.spin.residual:.3f}, where 0 is full agreement and 1 is none."
+    )

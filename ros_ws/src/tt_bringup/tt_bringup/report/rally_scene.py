@@ -1,0 +1,71 @@
+"""What the 3D scene of a ball plays: the ball, the arm and the racket at equal steps of time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from tt_core.constants import NET_HEIGHT, NET_OVERHANG, NET_X, RACKET_RADIUS, TABLE_LENGTH, TABLE_WIDTH
+from tt_core.states import Array
+
+from .arm_pose import ArmPose
+from .run_record import BallRecord
+
+STEP = 0.02  # s
+LONGEST = 4.0  # s that are played
+RIM = 24  # points of the racket's rim
+MILLIMETRES = 3  # digits of m that the page holds
+
+
+def rally_scene(ball: BallRecord, arm: ArmPose | None) -> dict[str, Any]:
+    """Return the scene of a ball, as the page takes it.
+
+    Returns:
+        `table`: its length, width, and the net's place, height and overhang, m. `step`: s. `start`: s, of the first step, from the launch
+        on. `true`, `predicted`: lines (n, 3) m. `asked`: (3,) m or null. `landed`: (3,) m or null. By step: `ball` (steps, 3) m or null
+        each; `arm` (steps, n, 3); `racket` (steps, RIM, 3).
+    """
+    times = np.arange(ball.start, min(ball.end, ball.start + LONGEST), STEP)
+    scene: dict[str, Any] = {
+        "table": [TABLE_LENGTH, TABLE_WIDTH, NET_X, NET_HEIGHT, NET_OVERHANG],
+        "step": STEP,
+        "true": _rounded(ball.truth[::4, 1:]),
+        "predicted": _rounded(ball.path.positions) if ball.path is not None else [],
+        "asked": [*ball.goal.landing.tolist(), 0.0] if ball.goal is not None else None,
+        "landed": None,
+        "ball": _ball_at(ball, times),
+        "arm": [],
+        "racket": [],
+    }
+    if ball.metrics is not None and ball.metrics.landing_reached is not None:
+        scene["landed"] = [*ball.metrics.landing_reached, 0.0]
+    if arm is not None and len(ball.joints):
+        count = (ball.joints.shape[1] - 1) // 2
+        for time in times:
+            q = np.array([np.interp(time, ball.joints[:, 0], ball.joints[:, 1 + k]) for k in range(count)])
+            line, middle, rotation = arm.at(q)
+            scene["arm"].append(_rounded(line))
+            scene["racket"].append(_rounded(_rim(middle, rotation)))
+    return scene
+
+
+def _ball_at(ball: BallRecord, times: Array) -> list[list[float] | None]:
+    """Return where the ball is: the true one if it is recorded, otherwise the predicted one."""
+    rows = ball.truth
+    if not len(rows) and ball.path is not None:
+        rows = np.column_stack([ball.path.times, ball.path.positions])
+    if not len(rows):
+        return [None] * len(times)
+    places = np.column_stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2, 3)])
+    return [place if rows[0, 0] <= time <= rows[-1, 0] else None for time, place in zip(times, _rounded(places), strict=True)]
+
+
+def _rim(middle: Array, rotation: Array) -> Array:
+    angles = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(RIM)])
+    return middle + RACKET_RADIUS * circle @ rotation.T
+
+
+def _rounded(points: Array) -> list[Any]:
+    rounded: list[Any] = np.round(points, MILLIMETRES).tolist()
+    return rounded

@@ -1,0 +1,133 @@
+"""The page of a run: a verdict, a table, and each ball in a file of its own, which the page loads when somebody asks for it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from tt_arm.arm_node import ArmParams
+from tt_arm.model import ArmModel
+from tt_core.errors import TtError
+from tt_core.params import from_values
+from tt_eval.page import Section, Table, figure_data, html_page, script_call, write_page
+
+from ..reprocess import all_parameters, attachments
+from .arm_pose import ArmPose
+from .ball_images import BallImages, read_ball_images
+from .figures import from_above, from_the_side, joint_figures, landings, latencies, prediction_error
+from .rally_scene import STEP, rally_scene
+from .run_record import BallRecord, RunRecord
+from .words import HEAD, facts, row, verdict
+
+FOLDER = "{}_balls"  # of the files of the balls, beside the page of this name
+PAGE = Markup(
+    '<div id="balls"><p><button id="earlier" type="button">Earlier ball</button> <button id="later" type="button">Later ball</button></p>'
+    '<div id="ball"></div></div>'
+)
+
+
+def write_report(bag: Path, file: Path) -> RunRecord:
+    """Write the page of a recording, and beside it the folder of its balls and the code that draws its figures.
+
+    Args:
+        bag: A recording of any kind.
+        file: The page.
+
+    Returns:
+        What was recorded.
+
+    Raises:
+        TtError: The bag cannot be read, or holds several robots.
+        OSError: The files cannot be written.
+    """
+    run = RunRecord.read(bag)
+    values = all_parameters(attachments(bag), [])
+    arm = _arm(run, values)
+    folder = file.with_name(FOLDER.format(file.stem))
+    write_page(file, _page(run, folder.name))
+    folder.mkdir(exist_ok=True)
+    for old in folder.glob("ball_*.js"):
+        old.unlink()
+    for ball, images in _with_images(run.balls, read_ball_images(bag, values["estimate"])):
+        (folder / f"ball_{ball.number:04d}.js").write_text(_ball_file(ball, images, run, arm))
+    return run
+
+
+def _page(run: RunRecord, folder: str) -> str:
+    """Return the page, which loads the balls from `folder`."""
+    balls = run.balls
+    sections = []
+    if balls:
+        rows: list[list[str]] = [row(ball) for ball in balls]
+        for cells in rows:
+            cells[0] = Markup('<a href="#ball-{0}">{0}</a>').format(cells[0])
+        figures = [landings(balls)] if any(ball.metrics for ball in balls) else []
+        if any(ball.latencies for ball in balls):
+            figures.append(latencies(balls))
+        sections.append(Section("Balls", tables=[Table(HEAD, rows)], figures=figures))
+        sections.append(Section("Ball by ball", html=PAGE))
+    first = next((ball.number for ball in balls if ball.reason), 1)
+    here = files(__package__)
+    start = script_call("startReport", folder, len(balls), first) if balls else ""
+    return html_page(
+        f"Run of {run.bag.resolve().parent.name}/{run.bag.name}",
+        sections,
+        lead=verdict(run),
+        scripts=[(here / "report.js").read_text() + start],
+        styles=[(here / "report.css").read_text()],
+    )
+
+
+def _arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> ArmPose | None:
+    """Return the recorded arm; that of the parameters if its description was not recorded; None if neither fits the joints."""
+    if not run.joint_names:
+        return None
+    try:
+        if run.urdf:
+            return ArmPose(run.urdf, run.joint_names)
+        params = from_values(ArmParams, values["arm"])
+        return ArmPose(ArmModel.pa10(params.base, params.mount, params.waiting).description, run.joint_names)
+    except TtError:
+        return None
+
+
+def _with_images(balls: Sequence[BallRecord], found: Iterable[BallImages]) -> Iterable[tuple[BallRecord, BallImages | None]]:
+    """Yield each ball with the last burst that belongs to it; None without one. Both are in order of time."""
+    bursts, burst = iter(found), None
+    burst = next(bursts, None)
+    for i, ball in enumerate(balls):
+        following = balls[i + 1].start if i + 1 < len(balls) else float("inf")
+        mine = None
+        while burst is not None and burst.time < following:
+            mine = burst if burst.time >= ball.start else mine
+            burst = next(bursts, None)
+        yield ball, mine
+
+
+def _ball_file(ball: BallRecord, found: BallImages | None, run: RunRecord, arm: ArmPose | None) -> str:
+    """Return the JavaScript that gives a ball to the page."""
+    images = [{**asdict(image), "ms": 1e3 * (image.time - found.time)} for image in found.images] if found is not None else []
+    figures = [from_the_side(ball), from_above(ball), prediction_error(ball), *joint_figures(ball, run, arm)]
+    if ball.latencies:
+        figures.append(latencies([ball]))
+    strike = ball.swing.strike if ball.swing is not None else ball.start
+    scene = rally_scene(ball, arm)
+    content = {
+        "title": ball.title,
+        "reason": ball.reason,
+        "facts": facts(ball),
+        "words": found.words if found is not None else "",
+        "images": images,
+        "scene": {**scene, "strike": max(0, min(len(scene["ball"]) - 1, round((strike - ball.start) / STEP)))},
+        "figures": [
+            {"title": figure.layout.title.text, "height": figure.layout.height, "figure": json.loads(figure_data(figure))}
+            for figure in figures
+            if figure is not None
+        ],
+    }
+    return script_call("reportBall", ball.number, content)

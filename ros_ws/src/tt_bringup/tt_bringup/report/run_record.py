@@ -1,0 +1,261 @@
+"""A recorded run, ball by ball: what the nodes said, asked and did for each of them. Images are read by `ball_images`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from tt_core.ros.bags import Bag
+from tt_core.ros.convert import ball_from_message, goal_from_message, path_from_message, seconds
+from tt_core.ros.diagnostics import Event, ReceivedStatus, read_status, read_warnings
+from tt_core.states import Array, BallPath, BallState, ReturnGoal
+from tt_racket.goal import GoalParams, default_goal
+
+from ..demo_metrics import DemoMetrics, demo_metrics, launched_ball
+
+TOPICS = ("ball/measured", "ball/path", "return/goal", "joint_states", "arm/swing", "diagnostics", "sim/ball", "robot_description")
+OLD_NAMES = {"arm_trajectory_controller/joint_trajectory": "arm/swing"}  # in bags of earlier versions
+STAGES = {  # by the event that ends each, in order: its name for people
+    Event.MEASURED: "measuring",
+    Event.PATH: "predicting",
+    Event.STROKES: "finding strokes",
+    Event.FIRST_COMMAND: "planning and first command",
+}
+BEFORE, AFTER = 0.3, 2.0  # s around a measured ball where no simulator tells when the ball was launched and over
+SAME = 1e-4  # s between the stamps of two results of one burst
+LATEST_GOAL = 0.8  # s after the launch, until which a goal is one for this ball
+NEAREST = 0.01  # s, at most, from a measurement to the true state that it is compared with
+
+OVER = {"launched", "result"}  # keys of a status about a ball that is over, also in bags of earlier versions
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """A planned swing.
+
+    Attributes:
+        times: (n,) s.
+        q: (n, joints) rad or m.
+        qdot: (n, joints) rad/s or m/s.
+        strike: s, when the racket meets the ball.
+    """
+
+    times: Array
+    q: Array
+    qdot: Array
+    strike: float
+
+
+@dataclass(frozen=True, eq=False)
+class BallRecord:
+    """One ball. What did not happen or is not in the recording is None or empty.
+
+    Attributes:
+        number: From 1 on.
+        start: s, when it was launched, or a little before it was measured.
+        end: s, when it was over and the arm back.
+        measured: As it was measured.
+        path: As it was predicted.
+        goal: What was asked of its return.
+        swing: What the arm was to do.
+        joints: (n, 1 + 2 joints) time s, positions rad or m, speeds.
+        truth: (n, 4) time s and true place m.
+        latencies: ms since the last image, by the event of STAGES.
+        warnings: What the nodes warned of meanwhile, each once.
+        metrics: What it was, was measured, asked and reached, where a simulator tells the truth.
+    """
+
+    number: int
+    start: float
+    end: float
+    measured: BallState | None
+    path: BallPath | None
+    goal: ReturnGoal | None
+    swing: Swing | None
+    joints: Array
+    truth: Array
+    latencies: Mapping[Event, float]
+    warnings: Sequence[str]
+    metrics: DemoMetrics | None
+
+    @property
+    def title(self) -> str:
+        """What people call it."""
+        return f"Ball {self.number}" + (f": {self.metrics.kind}" if self.metrics else "")
+
+    @property
+    def reason(self) -> str | None:
+        """Why it was not returned, as far as that is known; None if it was, or if nobody tells."""
+        if self.metrics is not None:
+            return self.metrics.reason
+        if self.measured is None or self.swing is None:
+            return "; ".join(self.warnings) or "no swing"
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """A run.
+
+    Attributes:
+        bag: Where it is recorded.
+        balls: Its balls, in order.
+        joint_names: In the order of `BallRecord.joints`.
+        urdf: Description of the robot; "" if it is not recorded.
+    """
+
+    bag: Path
+    balls: Sequence[BallRecord]
+    joint_names: Sequence[str]
+    urdf: str
+
+    @classmethod
+    def read(cls, path: Path) -> RunRecord:
+        """Read a recording of any kind.
+
+        Raises:
+            BagError: The bag cannot be read, or holds several robots.
+            TtError: A message in it is none that the nodes publish.
+        """
+        messages = _Messages()
+        with Bag(path) as bag:
+            names = {bag.find(name): OLD_NAMES.get(name, name) for name in (*TOPICS, *OLD_NAMES)}
+            for message in bag.messages([name for name in names if name]):
+                messages.take(names[message.topic], bag.decode(message))
+        return cls(path, messages.balls(), messages.joint_names, messages.urdf)
+
+
+@dataclass
+class _Messages:
+    """What was recorded, converted, in the order of its arrival."""
+
+    measured: list[BallState] = field(default_factory=list)
+    paths: list[BallPath] = field(default_factory=list)
+    goals: list[tuple[float, ReturnGoal]] = field(default_factory=list)
+    swings: list[Swing] = field(default_factory=list)
+    joints: list[list[float]] = field(default_factory=list)
+    truth: list[BallState] = field(default_factory=list)
+    statuses: list[ReceivedStatus] = field(default_factory=list)
+    warnings: list[ReceivedStatus] = field(default_factory=list)
+    joint_names: Sequence[str] = ()
+    urdf: str = ""
+
+    def take(self, topic: str, message: Any) -> None:
+        """Take a message. topic: one of TOPICS."""
+        match topic:
+            case "ball/measured":
+                self.measured.append(ball_from_message(message))
+            case "ball/path":
+                self.paths.append(path_from_message(message))
+            case "return/goal":
+                self.goals.append((seconds(message.header.stamp), goal_from_message(message)))
+            case "sim/ball":
+                self.truth.append(ball_from_message(message))
+            case "joint_states":
+                self.joint_names = self.joint_names or list(message.name)
+                if list(message.name) == list(self.joint_names):
+                    self.joints.append([seconds(message.header.stamp), *message.position, *message.velocity])
+            case "arm/swing":
+                self.swings.append(_swing(message))
+            case "diagnostics":
+                self.statuses += read_status(message)
+                self.warnings += read_warnings(message)
+            case "robot_description":
+                self.urdf = message.data
+
+    def balls(self) -> list[BallRecord]:
+        """Return the balls: those that a simulator launched, or else those that were measured."""
+        overs = [status for status in self.statuses if status.values.keys() >= OVER]
+        spans: list[tuple[float, float, dict[str, str]]]
+        if overs:
+            spans = [(launched_ball(status.values).time, status.time, status.values) for status in overs]
+        else:
+            spans = [(ball.time - BEFORE, ball.time + AFTER, {}) for ball in self.measured]
+        width = 1 + 2 * len(self.joint_names)
+        joints = np.array([row for row in self.joints if len(row) == width]).reshape(-1, width)
+        truth = np.array([[ball.time, *ball.position] for ball in self.truth]).reshape(-1, 4)
+        nexts = [start for start, *_ in spans[1:]] + [np.inf]
+        return [
+            self._ball(number, _Span(start, over, following), outcome, joints, truth)
+            for number, ((start, over, outcome), following) in enumerate(zip(spans, nexts, strict=False), 1)
+        ]
+
+    def _ball(self, number: int, span: _Span, outcome: dict[str, str], joints: Array, truth: Array) -> BallRecord:
+        """Collect what belongs to one ball. outcome: what the simulator said of it; empty without one."""
+        measured = _last([ball for ball in self.measured if span.holds(ball.time)])
+        path = _last([path for path in self.paths if span.holds(path.times[0])])
+        swing = _last([swing for swing in self.swings if span.holds(swing.times[0])])
+        statuses = [status for status in self.statuses if span.holds(status.time)]
+        warnings = [f"{status.name}: {status.message}" for status in self.warnings if span.holds(status.time)]
+        strikes = [float(status.values["strike"]) for status in statuses if "strike" in status.values]
+        if swing is not None and strikes:
+            swing = replace(swing, strike=strikes[-1])
+        latencies = _latencies(statuses, measured)
+        goal = _last([goal for time, goal in self.goals if time < span.start + LATEST_GOAL])
+        if goal is None and measured is not None:
+            goal = default_goal(measured.spin, GoalParams())
+        end = min(span.following, max(span.over, swing.times[-1] if swing is not None else span.over))
+        metrics = None
+        if outcome and goal is not None:
+            first_command = latencies.get(Event.FIRST_COMMAND)
+            metrics = demo_metrics(outcome, goal, measured, first_command, _last(warnings), self._true(measured))
+        return BallRecord(
+            number=number,
+            start=span.start,
+            end=end,
+            measured=measured,
+            path=path,
+            goal=goal,
+            swing=swing,
+            joints=joints[(joints[:, 0] >= span.start) & (joints[:, 0] <= end)],
+            truth=truth[(truth[:, 0] >= span.start) & (truth[:, 0] <= end)],
+            latencies=latencies,
+            warnings=list(dict.fromkeys(warnings)),
+            metrics=metrics,
+        )
+
+    def _true(self, measured: BallState | None) -> BallState | None:
+        """Return the recorded true ball nearest to a measurement in time; None if there is none near it."""
+        if measured is None or not self.truth:
+            return None
+        nearest = min(self.truth, key=lambda ball: abs(ball.time - measured.time))
+        return nearest if abs(nearest.time - measured.time) < NEAREST else None
+
+
+class _Span(NamedTuple):
+    """When a ball was in play. start, over: s; following: s, when the next ball begins."""
+
+    start: float
+    over: float
+    following: float
+
+    def holds(self, time: float) -> bool:
+        """Tell whether a time, s, belongs to this ball."""
+        return self.start <= time < self.following
+
+
+def _last(values: Sequence[T]) -> T | None:
+    return values[-1] if values else None
+
+
+def _latencies(statuses: Sequence[ReceivedStatus], measured: BallState | None) -> dict[Event, float]:
+    """Return the latency, ms, of the first result of each stage for the burst that was measured."""
+    found: dict[Event, float] = {}
+    for status in statuses:
+        if status.event not in STAGES or "latency_ms" not in status.values or status.event in found:
+            continue
+        if measured is None or abs(float(status.values.get("stamp", measured.time)) - measured.time) < SAME:
+            found[status.event] = float(status.values["latency_ms"])
+    return found
+
+
+def _swing(message: Any) -> Swing:
+    start = seconds(message.header.stamp)
+    times = np.array([start + seconds(point.time_from_start) for point in message.points])
+    q, qdot = (np.array([getattr(point, name) for point in message.points]) for name in ("positions", "velocities"))
+    return Swing(times, q, qdot, float(times[np.argmax(np.abs(qdot).max(axis=1))]))
