@@ -41,7 +41,7 @@ class ShownImage:
         outline: SVG path of the outline of the measured ball; "" if it was not measured.
         edges: SVG path of dots where the edge of the ball was found.
         equator: SVG path of the equator of the spin, and of a meridian that turns with the ball, as far as they are seen.
-        off: Pixels of the camera, rms distance of the edges from the outline; None without both.
+        off: Pixels of the camera, median distance of the edges from the outline; None without both.
     """
 
     camera: str
@@ -207,7 +207,7 @@ def _shown(name: str, time: float, image: Image, ball: _Ball | None, contrast: f
 
 
 def _distance(edges: np.ndarray, limb: Array) -> float | None:
-    """Return the rms distance, pixels, of edges from an outline (n, 2), weighted as the fit weights them; None without edges."""
+    """Return the median distance, pixels, of edges from an outline (n, 2); None without edges. Marks at the edge make some far off."""
     if not len(edges):
         return None
     middle = limb.mean(axis=0)
@@ -215,7 +215,7 @@ def _distance(edges: np.ndarray, limb: Array) -> float | None:
     order = np.argsort(np.arctan2(arms[:, 1], arms[:, 0]))
     angles, radii = np.arctan2(arms[order, 1], arms[order, 0]), np.linalg.norm(arms[order], axis=1)
     expected = np.interp(np.arctan2(rays[:, 1], rays[:, 0]), angles, radii, period=2.0 * np.pi)
-    return float(np.sqrt(np.average((np.linalg.norm(rays, axis=1) - expected) ** 2, weights=edges["weight"])))
+    return float(np.median(np.abs(np.linalg.norm(rays, axis=1) - expected)))
 
 
 def _svg_path(points: Array) -> str:

@@ -65,8 +65,8 @@ function imagesPart(ball) {
   const part = element("figure", {}, element("figcaption", {}, "The images it was measured from"), element("p", {}, ball.words));
   part.append(element("p", {class: "quiet"},
     "Blue: outline of the measured ball. Orange dots: edge found in the image. Yellow: equator of the measured spin, and a meridian that " +
-    "turns with it; marks keep their place beside the meridian when the spin is right. Below each image: time before the last one, and " +
-    "rms distance of the edge from the outline."));
+    "turns with it; marks keep their place beside the meridian when the spin is right. Below each image: time since the last one, and " +
+    "median distance of the edges from the outline."));
   const names = [...new Set(ball.images.map((image) => image.camera))];
   for (const name of names) {
     const strip = element("div", {class: "strip"});
@@ -142,7 +142,7 @@ function drawScene(scene) {
     template: pageTemplate(), margin: {l: 0, r: 0, t: 0, b: 0}, showlegend: true, uirevision: 1,
     legend: {orientation: "h", x: 0, y: 0, yanchor: "bottom"},
     scene: {xaxis: across(-1.3, 3.0), yaxis: across(-0.4, 1.9), zaxis: across(-0.4, 1.1), aspectmode: "data",
-      camera: {eye: {x: 0.1, y: -1.5, z: 0.75}, center: {x: 0, y: 0, z: -0.15}}},
+      camera: {eye: {x: 0.45, y: -1.15, z: 0.6}, center: {x: 0, y: 0, z: -0.1}}},
   };
   Plotly.newPlot(root, [...fixed, ...moving], layout, {responsive: true, displaylogo: false, displayModeBar: false});
   const places = moving.map((_, k) => fixed.length + k);
