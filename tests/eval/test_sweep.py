@@ -98,13 +98,14 @@ def test_a_cluster_plays_the_same_balls(whole, tmp_path):
             process.wait(20)
 
 
-def test_a_wrong_call_is_refused_before_anything_starts(tmp_path):
+def test_a_wrong_call_is_refused_before_anything_starts(tmp_path, monkeypatch):
     command = [sys.executable, "-m", "tt_eval.sweep"]
     bad = tmp_path / "bad.yaml"
     bad.write_text("launcher: {rate: -3}")
     done = subprocess.run([*command, str(bad), "--out", str(tmp_path / "run.parquet")], capture_output=True, text=True, env=os.environ)
     assert done.returncode == 2 and "bad.yaml: launcher.rate: " in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["bad.yaml"]
+    monkeypatch.setattr("tt_eval.sweep.CONNECT", 0.5)
     with pytest.raises(NoScheduler) as error:
         sweep(SCENARIO, 1, tmp_path / "run.parquet", scheduler="tcp://127.0.0.1:1")
     assert error.value.address == "tcp://127.0.0.1:1"
@@ -117,7 +118,7 @@ def test_an_evaluation_is_a_table_and_a_page(whole, tmp_path, monkeypatch, capsy
     evaluate()
     assert str(BALLS) in capsys.readouterr().out
     text = page.read_text()
-    titles = ("Landing places", "Error against spin and speed", "Why balls were missed", "Figures 4.7 to 4.10", "The judge")
+    titles = ("Landing places", "Landing off, cm, against spin, rpm", "Why balls were missed", "Figures 4.7 to 4.10", "The judge")
     assert all(title in text for title in titles)
 
 

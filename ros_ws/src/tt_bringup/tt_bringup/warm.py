@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import sys
+from dataclasses import replace
 
 import numpy as np
 from tt_arm.control import warm as warm_arm
@@ -64,6 +65,8 @@ def main() -> None:
     arm = ArmModel.pa10()
     warm_arm(arm)
     warm_hardware(Plant(arm))
+    _tell("arms without a closed form")
+    warm_arm(replace(arm, closed_form=None))
     _tell("rallies")
     for scenario in ("liu", "real"):
         sweep_metrics(play(load(scenario, images=False), 0))

@@ -28,6 +28,7 @@ from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
 
 PART = 250  # balls of one task
+CONNECT = 10.0  # s to find the scheduler
 AHEAD = 3  # tasks for each worker that are submitted at a time
 SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
 
@@ -126,7 +127,7 @@ def _executor(stack: ExitStack, scheduler: str | None, workers: int | None) -> t
     from distributed import Client
 
     try:
-        client = stack.enter_context(Client(scheduler, timeout="10s"))
+        client = stack.enter_context(Client(scheduler, timeout=CONNECT))
     except OSError as error:
         raise NoScheduler(scheduler, error) from error
     return stack.enter_context(client.get_executor(pure=False)), max(1, sum(client.nthreads().values()))
