@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -19,6 +20,25 @@ settings.load_profile("tests")
 
 ENDING = 10.0  # s for a node to end; the launcher waits as long before it kills
 SENT = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)  # exit codes by signals that tests send
+
+WHOLE_ROBOTS = {"test_life.py", "test_namespaces.py", "test_rally.py", "test_ros_tools.py", "test_two_hosts.py", "test_view_node.py"}
+
+
+def pytest_xdist_make_scheduler(config, log):
+    """Let one process run the tests of a file, and one process all whole robots, so that they play one after the other."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return "whole robots" if Path(file).name in WHOLE_ROBOTS else file
+
+    return Scheduling(config, log)
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the whole robots, which take longest."""
+    items.sort(key=lambda item: item.path.name not in WHOLE_ROBOTS)
 
 
 @pytest.fixture

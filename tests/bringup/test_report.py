@@ -37,7 +37,8 @@ def test_the_run_is_its_balls():
     run = RunRecord.read(REFERENCE)
     (ball,) = run.balls
     assert ball.measured is not None and ball.path is not None and len(ball.truth) > 100
-    assert np.linalg.norm(ball.measured.spin) / RPM == pytest.approx(3000, rel=0.2)  # rpm; the catapult's scale 5
+    # rpm; 24 at most in 1,000 bursts
+    assert np.linalg.norm(ball.measured.spin - ball.metrics.spin_true) / RPM < 30.0
 
 
 def test_images_show_the_ball_where_it_was_measured():

@@ -37,7 +37,6 @@ from tt_vision.detection.lens_correction import Lens, straighten
 from tt_vision.estimate_node import EstimateParams, read_lamps, read_poses
 from tt_vision.measure import Measurement, measure_burst
 from tt_vision.rig import SIDES
-from tt_vision.spin.registration import SearchParams
 
 ODOMETRY, TRAJECTORY = "nav_msgs/msg/Odometry", "trajectory_msgs/msg/MultiDOFJointTrajectory"
 Values = Mapping[str, Any]  # parameters of one node by name
@@ -59,7 +58,7 @@ class Vision:
         """Read the parameters of the node. Raises TtError for a value that it would refuse."""
         read: Reader = partial(_read, values)
         self.assembler = Assembler(read(BurstParams))
-        self.search = SearchParams.fast() if read(EstimateParams).fast else SearchParams()
+        self.search = read(EstimateParams).search
         self.air, self.lamps, self.poses = read_physics(read).air, read_lamps(read), read_poses(read)
         self.lenses: list[Lens | None] = [None, None]
         self.refused: Counter[str] = Counter()

@@ -1,8 +1,8 @@
 """Uncertainty of a predicted ball: its covariance carried along the path, through flight and bounce, by sigma points.
 
 A ball that grips leaves the bounce so differently from one that slips that the usual 2 n sigma points are off by a third behind it. So
-POINTS balls are taken instead. They are drawn from the normal distribution, always the same, and corrected to its exact mean and covariance.
-Each flies on its own exact path.
+POINTS balls are taken instead. They are drawn from the normal distribution, always the same, and corrected to its exact mean and
+covariance. Each flies on its own exact path.
 """
 
 from __future__ import annotations

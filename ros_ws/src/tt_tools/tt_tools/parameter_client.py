@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from .graph import appears, graph, nodes, services
 from .node_parameters import parameter_file
 
 PATIENCE = 10.0  # s, for a node to be discovered, and to answer
+AGAIN = 3.0  # s after which a question is asked again
 TYPES = {  # as ros2cli names them: in a description, and before a value
     ParameterType.PARAMETER_NOT_SET: ("not set", "Parameter not set."),
     ParameterType.PARAMETER_BOOL: ("boolean", "Boolean value is:"),
@@ -58,11 +61,11 @@ class ParameterClient:
 
     def names(self) -> list[str]:
         """Return the names of all parameters, sorted. Raises TtError without an answer."""
-        return sorted(self._result(self._client.list_parameters()).result.names)
+        return sorted(self._ask(self._client.list_parameters).result.names)
 
     def values(self, names: list[str]) -> list[ParameterValue]:
         """Return the values of `names`. Raises TtError for a name that is not declared, or without an answer."""
-        values = list(self._result(self._client.get_parameters(names)).values)
+        values = list(self._ask(partial(self._client.get_parameters, names)).values)
         if len(values) != len(names):
             unknown = sorted(set(names) - set(self.names()))
             raise TtError(f"{self.name} has no parameter {', '.join(unknown)}")
@@ -71,21 +74,25 @@ class ParameterClient:
     def descriptors(self, names: list[str]) -> list[ParameterDescriptor]:
         """Return what the node tells about `names`. Raises TtError for a name that is not declared, or without an answer."""
         self.values(names)  # a description is also given of what is not declared
-        return list(self._result(self._client.describe_parameters(names)).descriptors)
+        return list(self._ask(partial(self._client.describe_parameters, names)).descriptors)
 
     def set(self, parameters: list[Parameter]) -> None:
         """Set parameters one by one. Raises TtError with the reason for the first that is refused, or without an answer."""
         for parameter in parameters:
-            (result,) = self._result(self._client.set_parameters([parameter])).results
+            (result,) = self._ask(partial(self._client.set_parameters, [parameter])).results
             if not result.successful:
                 raise TtError(f"Setting parameter failed: {parameter.name} = {parameter.value}: {result.reason}")
 
-    def _result(self, future: Future) -> Any:
+    def _ask(self, question: Callable[[], Future]) -> Any:
+        """Return the answer to a question, which is asked again after AGAIN: an answer is lost while a connection is being made."""
         assert self._node.executor is not None
-        self._node.executor.spin_until_future_complete(future, self._patience)
-        if not future.done():
-            raise TtError(f"{self.name} does not answer within {self._patience:g} s")
-        return future.result()
+        end = time.monotonic() + self._patience
+        while (left := end - time.monotonic()) > 0.0:
+            future = question()
+            self._node.executor.spin_until_future_complete(future, min(AGAIN, left))
+            if future.done():
+                return future.result()
+        raise TtError(f"{self.name} does not answer within {self._patience:g} s")
 
 
 @contextmanager

@@ -62,6 +62,22 @@ class EstimateParams:
     """How the ball is measured."""
 
     fast: bool = param(False, "", "whether a ball is measured in less time, with larger errors of the spin")
+    max_spin: float = param(
+        0.0,
+        "rad/s",
+        "largest spin that is searched for slow cameras, before which a ball turns by more than 80 deg; 0: none",
+        low=0.0,
+        high=3000.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+    @property
+    def search(self) -> SearchParams:
+        """How much is spent on the spin."""
+        return dataclasses.replace(SearchParams.fast() if self.fast else SearchParams(), max_spin=self.max_spin)
 
 
 @dataclass(frozen=True)
@@ -109,7 +125,7 @@ class EstimateNode(Node):
         """Declare parameters, compile the kernels, then subscribe."""
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
-        self.search = SearchParams.fast() if declare(self, EstimateParams).fast else SearchParams()
+        self.search = declare(self, EstimateParams).search
         self.air = declare_physics(self).air
         self.lamps, self.poses = read_lamps(partial(declare, self)), read_poses(partial(declare, self))
         self.infos: list[CameraInfo | None] = [None, None]
