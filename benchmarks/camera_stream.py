@@ -24,6 +24,7 @@ def main(seconds: float) -> None:
     data = bytearray(serialize_message(image_to_message(noise, 1.0, "camera")))
     while not all(publisher.get_subscription_count() for publisher in publishers):
         time.sleep(0.05)
+    time.sleep(1.0)  # until the subscriptions know the publishers, too
     sent, begin = 0, time.monotonic()
     while (now := time.monotonic() - begin) < seconds:
         if now < sent / RATE:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -26,6 +27,8 @@ from tt_sim.world.outcome import Result
 from tt_tools import launch, packages
 
 BALLS = "60.0"  # a minute
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+SEGMENT = 64 * 2**20  # bytes of shared memory of the cameras' process: images of 0.7 s, for which the recorder may be held up
 ENDING = 30.0  # s for the recorder to write the rest
 
 
@@ -50,7 +53,10 @@ def main() -> None:
                 executor.spin_once(timeout_sec=0.05)
             skipped = len(watch.results)
             program = [sys.executable, str(Path(__file__).with_name("camera_stream.py")), str(args.runs)]
-            stream = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            profile = Path(folder) / "fastdds.xml"
+            profile.write_text(re.sub(r"(?<=<segment_size>)\d+", str(SEGMENT), Path(os.environ[PROFILES]).read_text()))
+            environment = {**os.environ, PROFILES: str(profile)}
+            stream = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
             spent, begin, memory = sum(recorder[-1].cpu_times()[:2]), time.monotonic(), 0.0
             psutil.cpu_percent()  # from here on
             while time.monotonic() - begin < args.runs + 2.0:

@@ -42,17 +42,18 @@ def latencies(balls: Sequence[BallRecord]) -> go.Figure:
     """Draw how long each stage took, from the middle of the last image's exposure on, as a stacked bar for each ball."""
     shown = [ball for ball in balls if ball.latencies][:MOST_BARS]
     figure = go.Figure()
-    before = np.zeros(len(shown))
-    for colour, (event, name) in zip(COLOURS, STAGES.items(), strict=False):
-        until = np.array([ball.latencies.get(event, np.nan) for ball in shown])
-        spent = np.where(np.isfinite(until), until - before, 0.0)
-        before = np.where(np.isfinite(until), until, before)
+    until = np.array([[ball.latencies.get(event, np.nan) for ball in shown] for event in STAGES])
+    until = np.fmin.accumulate(until[::-1])[::-1]  # a node may say what it found after the next one has acted on it
+    until = np.where(np.isfinite(until), until, 0.0)
+    until = np.maximum.accumulate(until)
+    for colour, name, spent in zip(COLOURS, STAGES.values(), np.diff(until, axis=0, prepend=0.0), strict=False):
         figure.add_bar(y=[f"ball {ball.number}" for ball in shown], x=spent, name=name, orientation="h", marker_color=colour)
     figure.update_xaxes(title_text="ms since the last image").update_yaxes(autorange="reversed")
     title = "From the last image to the first joint command"
     if len(shown) < len(balls):
         title += f" (the first {len(shown)} balls that have them)"
-    return figure.update_layout(title=title, barmode="stack", height=140 + 26 * len(shown) if len(shown) > 1 else 190)
+    height = 140 + 26 * len(shown) if len(shown) > 1 else 190
+    return figure.update_layout(title=title, barmode="stack", legend_traceorder="normal", height=height)
 
 
 def from_the_side(ball: BallRecord) -> go.Figure:

@@ -102,7 +102,7 @@ function scenePart(scene) {
     speed.append(element("option", {value}, name));
   }
   speed.value = "0.5";
-  return element("figure", {}, element("figcaption", {}, "The rally"), element("div", {id: "scene"}),
+  return element("figure", {}, element("figcaption", {}, "The rally"), element("div", {id: "rally"}),
     element("div", {class: "player"}, play, slider, label, speed));
 }
 
@@ -112,7 +112,7 @@ function columns(points) {
 
 function drawScene(scene) {
   if (typeof Plotly === "undefined") return;
-  const root = document.getElementById("scene");
+  const root = document.getElementById("rally");
   const [length, width, netX, netHeight, overhang] = scene.table;
   const quad = (points, color, opacity, name) => ({type: "mesh3d", ...columns(points), i: [0, 0], j: [1, 2], k: [2, 3], color, opacity, name,
     hoverinfo: "name", flatshading: true});

@@ -94,7 +94,7 @@ def facts(ball: BallRecord) -> list[tuple[str, str]]:
         found.append(("landing reached", f"x, y = {_places(m.landing_reached)} m, {100 * off:.1f} cm off{late}"))
     if m is not None and m.return_spin_reached is not None:
         y, z = m.return_spin_reached
-        found.append(("return spin reached", f"{y:.0f} rad/s about y, {z:.0f} rad/s about z"))
+        found.append(("return spin reached", f"{round(y)} rad/s about y, {round(z)} rad/s about z"))
     if ball.warnings:
         found.append(("warnings", "; ".join(ball.warnings)))
     return found
