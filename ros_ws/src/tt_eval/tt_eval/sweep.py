@@ -147,8 +147,9 @@ def main() -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster, whose workers have this workspace")
     args = parser.parse_args()
-    if args.balls < 1 or (args.workers is not None and args.workers < 1):
-        parser.error(f"--balls {args.balls} and --workers {args.workers} must be at least 1")
+    for name, value in (("balls", args.balls), ("workers", args.workers)):
+        if value is not None and value < 1:
+            parser.error(f"--{name} {value} is less than 1")
     try:
         scenario = load(args.scenario, args.robot, args.world, images=args.images)
         sweep(scenario, args.balls, args.out, args.scheduler, args.workers)

@@ -19,7 +19,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="experiment", description=__doc__)
     parser.add_argument("name", choices=EXPERIMENTS)
     parser.add_argument("--runs", type=int, default=10, help="bursts for each row (default 10)")
-    parser.add_argument("--out", type=Path, default=Path(), help="directory of the figures (default here)")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="directory of the figures (default out)")
     args = parser.parse_args()
     if args.runs < 1:
         parser.error(f"--runs {args.runs} is not positive")
