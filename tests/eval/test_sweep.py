@@ -55,7 +55,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was(whole, tmp_path):
     assert error.value.folder == parts
 
 
-def test_what_is_done_is_not_done_again(tmp_path, monkeypatch, whole):
+def test_what_is_done_is_not_done_again(tmp_path, monkeypatch, whole, capsys):
     import tt_eval.sweep as module
 
     out, done = tmp_path / "run.parquet", []
@@ -73,6 +73,7 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch, whole):
     assert not out.exists()
     sweep(SCENARIO, BALLS, out, workers=1, size=8)
     assert done == [0, 8, 16, 16]
+    assert f"16 of {BALLS} balls" in capsys.readouterr().err  # no terminal: a line for each tenth
     assert _same(pq.read_table(out), whole)
 
 

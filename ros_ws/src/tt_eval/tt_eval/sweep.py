@@ -27,7 +27,8 @@ from .episode import Trial, play, session
 from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
 
-PART = 250  # balls of one task
+PART = 250  # balls of one task, at most
+STEPS = 40  # tasks of a sweep, at least, so that its progress is seen
 CONNECT = 10.0  # s to find the scheduler
 AHEAD = 3  # tasks for each worker that are submitted at a time
 SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
@@ -77,7 +78,7 @@ def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor
             yield running.pop(future), future.result()
 
 
-def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = PART) -> None:
+def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = 0) -> None:
     """Play what is not played yet, and write all rows.
 
     Args:
@@ -86,7 +87,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
         out: The Parquet file.
         scheduler: Address of a Dask scheduler; None: processes of this machine.
         workers: Number of processes; None: one for each core.
-        size: Balls of one part.
+        size: Balls of one part; 0: at most PART, and at least STEPS parts.
 
     Raises:
         OtherSweep: The parts beside the file are of another sweep.
@@ -94,6 +95,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
         TtError: The scenario has no such balls. All are raised before anything is played.
     """
     Trial.drawn(scenario, 0)
+    size = size or max(1, min(PART, balls // STEPS))
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
     begun = folder / "scenario.json"
     if begun.is_file() and json.loads(begun.read_text())["fingerprint"] != mark:
@@ -105,13 +107,17 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with ExitStack() as stack:
         bar = stack.enter_context(Progress(*columns, disable=not sys.stderr.isatty()))
-        row = bar.add_task("balls", total=balls, completed=balls - sum(last - first for first, last in missing))
+        done = balls - sum(last - first for first, last in missing)
+        row = bar.add_task("balls", total=balls, completed=done)
         executor, count = _executor(stack, scheduler, workers)
         for first, table in parts(scenario, missing, executor, count):
             half = folder / f"{first:09d}.half"
             pq.write_table(table, half)
             half.rename(half.with_suffix(".parquet"))  # whole or not there
             bar.advance(row, table.num_rows)
+            before, done = done, done + table.num_rows
+            if bar.disable and 10 * done // balls > 10 * before // balls:  # a tenth more
+                print(f"{done} of {balls} balls", file=sys.stderr, flush=True)
     half = out.with_name(out.name + ".half")
     with pq.ParquetWriter(half, SCHEMA.with_metadata({"scenario": scenario.name, "fingerprint": mark})) as writer:
         for first, _ in tasks:

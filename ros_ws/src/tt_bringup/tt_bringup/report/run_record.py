@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -179,6 +180,8 @@ class _Messages:
         width = 1 + 2 * len(self.joint_names)
         joints = np.array([row for row in self.joints if len(row) == width]).reshape(-1, width)
         truth = np.array([[ball.time, *ball.position] for ball in self.truth]).reshape(-1, 4)
+        for statuses in (self.statuses, self.warnings):
+            statuses.sort(key=_time)  # nodes of several machines may have sent them out of order
         nexts = [start for start, *_ in spans[1:]] + [np.inf]
         return [
             self._ball(number, _Span(start, over, following), outcome, joints, truth)
@@ -190,8 +193,8 @@ class _Messages:
         measured = _last([ball for ball in self.measured if span.holds(ball.time)])
         path = _last([path for path in self.paths if span.holds(path.times[0])])
         swing = _last([swing for swing in self.swings if span.holds(swing.times[0])])
-        statuses = [status for status in self.statuses if span.holds(status.time)]
-        warnings = [f"{status.name}: {status.message}" for status in self.warnings if span.holds(status.time)]
+        statuses = _within(self.statuses, span)
+        warnings = [f"{status.name}: {status.message}" for status in _within(self.warnings, span)]
         strikes = [float(status.values["strike"]) for status in statuses if "strike" in status.values]
         if swing is not None and strikes:
             swing = replace(swing, strike=strikes[-1])
@@ -203,7 +206,7 @@ class _Messages:
         metrics = None
         if outcome and goal is not None:
             first_command = latencies.get(Event.FIRST_COMMAND)
-            metrics = demo_metrics(outcome, goal, measured, first_command, _last(warnings), self._true(measured))
+            metrics = demo_metrics(outcome, goal, measured, first_command, _last(warnings), self._true(measured, truth[:, 0]))
         return BallRecord(
             number=number,
             start=span.start,
@@ -219,11 +222,12 @@ class _Messages:
             metrics=metrics,
         )
 
-    def _true(self, measured: BallState | None) -> BallState | None:
-        """Return the recorded true ball nearest to a measurement in time; None if there is none near it."""
-        if measured is None or not self.truth:
+    def _true(self, measured: BallState | None, times: Array) -> BallState | None:
+        """Return the recorded true ball nearest to a measurement in time; None if there is none near it. times: of `truth`, s."""
+        if measured is None or not len(times):
             return None
-        nearest = min(self.truth, key=lambda ball: abs(ball.time - measured.time))
+        after = int(np.searchsorted(times, measured.time))
+        nearest = min(self.truth[max(0, after - 1) : after + 1], key=lambda ball: abs(ball.time - measured.time))
         return nearest if abs(nearest.time - measured.time) < NEAREST else None
 
 
@@ -237,6 +241,15 @@ class _Span(NamedTuple):
     def holds(self, time: float) -> bool:
         """Tell whether a time, s, belongs to this ball."""
         return self.start <= time < self.following
+
+
+def _time(status: ReceivedStatus) -> float:
+    return status.time
+
+
+def _within(statuses: Sequence[ReceivedStatus], span: _Span) -> Sequence[ReceivedStatus]:
+    """Return the statuses, which are sorted by time, of a span."""
+    return statuses[bisect_left(statuses, span.start, key=_time) : bisect_left(statuses, span.following, key=_time)]
 
 
 def _last(values: Sequence[T]) -> T | None:
