@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, opened
 from rich.console import Console
+from tt_arm.model import ArmModel
 from tt_bringup.report import write_report
 from tt_bringup.report.ball_images import read_ball_images
+from tt_bringup.report.run_page import recorded_arm
 from tt_bringup.report.run_record import RunRecord
 from tt_bringup.report.words import COLUMNS, facts, print_run, verdict
+from tt_bringup.reprocess import all_parameters
 from tt_core.constants import RPM
 from tt_core.ros.bags import BagError
 
@@ -74,6 +77,17 @@ def test_a_new_report_leaves_no_ball_of_an_old_one(report, tmp_path):
     (tmp_path / "report_balls" / "ball_0007.js").write_text("old")
     write_report(REFERENCE, tmp_path / "report.html")
     assert [file.name for file in (tmp_path / "report_balls").iterdir()] == ["ball_0001.js"]
+
+
+def test_an_arm_whose_description_was_not_recorded_is_that_of_the_parameters():
+    model = ArmModel.pa10()
+    arm = recorded_arm(RunRecord(REFERENCE, [], model.names, ""), all_parameters({}, []))
+    line, middle, rotation = arm.at(model.waiting)
+    position, face = model.racket(model.waiting)
+    assert middle == pytest.approx(position, abs=1e-9) and rotation == pytest.approx(face, abs=1e-9)
+    assert len(line) == len(model.names) + 1
+    assert arm.speed_limits == pytest.approx(model.speed_limits)
+    assert recorded_arm(RunRecord(REFERENCE, [], ["no joint of it"], ""), all_parameters({}, [])) is None
 
 
 def test_no_bag_is_refused(tmp_path):

@@ -183,7 +183,7 @@ def _shown(name: str, time: float, image: Image, ball: _Ball | None, contrast: f
     if limb is not None and np.isfinite(limb).all():
         middle = limb.mean(axis=0)
         radius = float(np.linalg.norm(limb - middle, axis=1).mean())
-        edges = scan_outline(image, *middle, max(1.0, radius - REACH), radius + REACH, contrast)
+        edges = scan_outline(image, middle[0], middle[1], max(1.0, radius - REACH), radius + REACH, contrast)
         points, off = np.column_stack([edges["u"], edges["v"]]), _distance(edges, limb)
     else:
         limb, middle, radius = None, np.array([width - 1, height - 1]) / 2, min(width, height) / 2 / ROOM

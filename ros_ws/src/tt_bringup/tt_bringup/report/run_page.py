@@ -11,7 +11,8 @@ from typing import Any
 
 from markupsafe import Markup
 from tt_arm.arm_node import ArmParams
-from tt_arm.model import ArmModel
+from tt_arm.description import placed_description
+from tt_arm.model import URDF
 from tt_core.errors import TtError
 from tt_core.params import from_values
 from tt_eval.page import Section, Table, figure_data, html_page, script_call, write_page
@@ -47,7 +48,7 @@ def write_report(bag: Path, file: Path) -> RunRecord:
     """
     run = RunRecord.read(bag)
     values = all_parameters(attachments(bag), [])
-    arm = _arm(run, values)
+    arm = recorded_arm(run, values)
     folder = file.with_name(FOLDER.format(file.stem))
     write_page(file, _page(run, folder.name))
     folder.mkdir(exist_ok=True)
@@ -83,7 +84,7 @@ def _page(run: RunRecord, folder: str) -> str:
     )
 
 
-def _arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> ArmPose | None:
+def recorded_arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> ArmPose | None:
     """Return the recorded arm; that of the parameters if its description was not recorded; None if neither fits the joints."""
     if not run.joint_names:
         return None
@@ -91,8 +92,9 @@ def _arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> ArmPose | N
         if run.urdf:
             return ArmPose(run.urdf, run.joint_names)
         params = from_values(ArmParams, values["arm"])
-        return ArmPose(ArmModel.pa10(params.base, params.mount, params.waiting).description, run.joint_names)
-    except TtError:
+        urdf = placed_description(Path(params.urdf or str(URDF)).read_text(), params.base, params.mount)
+        return ArmPose(urdf, run.joint_names)
+    except (TtError, OSError):
         return None
 
 
