@@ -75,10 +75,10 @@ def run(runs: int) -> list[go.Figure]:
     for frame in FRAMES:
         for a in (0, 1):
             where = f"axis {a + 1}, axes in {frame}"
-            mine = [row for row in rows if row[:2] == (frame, a)]
-            speeds = _figure(mine, 4, f"Figure 2.14: estimated speed, {where}", "rpm")
+            about_axis = [row for row in rows if row[:2] == (frame, a)]
+            speeds = _figure(about_axis, 4, f"Figure 2.14: estimated speed, {where}", "rpm")
             speeds.add_scatter(x=SPEEDS, y=SPEEDS, mode="lines", name="true", line={"color": GREY, "dash": "dot"})
-            along_axis = _figure(mine, 5, f"Figure 2.15: agreement of the axis, {where}", "inner product")
+            along_axis = _figure(about_axis, 5, f"Figure 2.15: agreement of the axis, {where}", "inner product")
             along_axis.add_hline(y=1.0, line={"color": GREY, "dash": "dot"})
             figures += [speeds, along_axis]
     return figures
