@@ -43,7 +43,7 @@ def rviz_topics():
 
 
 def foxglove_topics():
-    """Topic and the types that fit it, of every panel of the Foxglove layout."""
+    """Return the topic of each panel of the Foxglove layout, with the message types that the panel can show."""
     for name, panel in json.loads((CONFIG / "foxglove_layout.json").read_text())["configById"].items():
         kind = name.split("!")[0]
         if kind == "3D":

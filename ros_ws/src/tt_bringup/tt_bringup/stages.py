@@ -89,7 +89,7 @@ class Vision:
         return self.assembler.add(side, stamp_seconds(message.header.stamp), image_from_message(message))
 
     def measure(self, burst: Burst) -> tuple[Burst, Measurement] | None:
-        """Return a burst with its cameras, and what it tells; None without their calibration."""
+        """Measure a burst; return it with its calibrated cameras, and the measurement, or None while a calibration is missing."""
         lenses = [lens for lens in (self.lenses[side] for side in self.sides) if lens is not None]
         if len(lenses) < len(self.sides):
             self.refused["no camera_info"] += 1

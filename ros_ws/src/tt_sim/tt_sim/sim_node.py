@@ -256,7 +256,7 @@ class SimNode(Node):
         self.publish(self.true_ball, ball_to_message, ball)
 
     def publish_joints(self, joints: Joints, effort: Array) -> None:
-        """Publish the measured joints and the torques of their motors."""
+        """Publish joint states: measured positions and speeds, and the motor torques as effort."""
         self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot, effort)
 
     def publish_truth(self, tick: Tick) -> None:

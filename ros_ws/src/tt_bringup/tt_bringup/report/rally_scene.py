@@ -14,16 +14,16 @@ from .run_record import BallRecord
 STEP = 0.02  # s
 LONGEST = 4.0  # s that are played
 RIM = 24  # points of the racket's rim
-MILLIMETRES = 3  # digits of m that the page holds
+DIGITS = 3  # after the point of lengths in m that the page holds
 
 
 def rally_scene(ball: BallRecord, arm: ArmPose | None) -> dict[str, Any]:
     """Return the scene of a ball, as the page takes it.
 
     Returns:
-        `table`: its length, width, and the net's place, height and overhang, m. `step`: s. `start`: s, of the first step, from the launch
-        on. `true`, `predicted`: lines (n, 3) m. `asked`: (3,) m or null. `landed`: (3,) m or null. By step: `ball` (steps, 3) m or null
-        each; `arm` (steps, n, 3); `racket` (steps, RIM, 3).
+        `table`: length and width of the table, x, height and overhang of the net, m. `step`: s from one step to the next, the first of
+        which is the launch. `true`, `predicted`: lines (n, 3) m. `asked`, `landed`: places (3,) m, or None. One entry for each step:
+        `ball`: (3,) m, or None; `arm`: line (n, 3) m; `racket`: rim (RIM, 3) m.
     """
     times = np.arange(ball.start, min(ball.end, ball.start + LONGEST), STEP)
     scene: dict[str, Any] = {
@@ -67,5 +67,5 @@ def _rim(middle: Array, rotation: Array) -> Array:
 
 
 def _rounded(points: Array) -> list[Any]:
-    rounded: list[Any] = np.round(points, MILLIMETRES).tolist()
+    rounded: list[Any] = np.round(points, DIGITS).tolist()
     return rounded

@@ -1,4 +1,4 @@
-"""The door of the page: it lets through who has the token, or who comes from this machine if there is no token.
+"""Access control of the page: accept connections that have the token, or, without a token, those from this machine.
 
 viser has no access control, and any page in the user's browser could connect to a port of the same machine. So viser listens on a port of
 its own, on this machine only, and connections reach it through this gate, which reads the head of the first request of each.

@@ -48,7 +48,7 @@ class NotACovariance(TtError):
 
 @dataclass(frozen=True, slots=True)
 class TrackCounts:
-    """How many measurements were taken, and what became of the others.
+    """Counts of measurements that were used, and of those that were not, by the reason.
 
     Attributes:
         taken: Taken into the window.
