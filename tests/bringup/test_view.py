@@ -1,5 +1,7 @@
 """What the view shows: the scene's items and how long they stay, the arm of any URDF, clicks, and who may open the page."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tt_arm.description import placed_description
@@ -96,7 +98,7 @@ def test_table_arm_and_nothing_else_are_there_from_the_start(scene):
 def test_a_ball_flies_along_its_path_and_is_gone_afterwards(scene, lag):
     path = rollout(BALL, Physics.liu(), StopRule.at_x(-0.3))
     scene.take_joints(100.0, Joints(), 100.0 + lag)
-    scene.take_measured(BALL, 100.06 + lag)
+    scene.take_estimate(BALL, 100.06 + lag)
     scene.take_path(path, 100.07 + lag)
     for time in (100.1, 100.3):
         items = named(scene, time + lag)
@@ -110,11 +112,21 @@ def test_a_ball_flies_along_its_path_and_is_gone_afterwards(scene, lag):
 
 
 def test_uncertainty_grows_along_the_path(scene):
-    scene.take_measured(BALL, 100.0)
+    scene.take_estimate(BALL, 100.0)
     scene.take_path(rollout(BALL, Physics.liu(), StopRule.at_x(-0.3)), 100.0)
     items = named(scene, 100.1)
     sizes = [items[f"path/uncertainty{i}"].size.max() for i in range(8)]
     assert sizes[-1] > 2.0 * sizes[0] > 0.0
+
+
+def test_uncertainty_is_that_of_the_state_from_which_the_path_was_predicted(scene):
+    for i in range(4):  # the tracker is ahead of the prediction
+        scene.take_estimate(replace(BALL, time=BALL.time + 0.01 * i, covariance=1e-6 * (1.0 + i) * np.eye(9)), 100.0)
+    sizes = []
+    for i in (0, 2):
+        scene.take_path(rollout(replace(BALL, time=BALL.time + 0.01 * i), Physics.liu(), StopRule.at_x(-0.3)), 100.1)
+        sizes.append(named(scene, 100.11)["path/uncertainty0"].size)
+    assert sizes[1] == pytest.approx(np.sqrt(3.0) * sizes[0], rel=1e-6)  # covariance three times as large
 
 
 def test_an_ellipsoid_has_the_axes_of_its_covariance():

@@ -45,6 +45,7 @@ STROKES = 6  # candidates that are shown
 SPIN_LENGTH = 1e-3  # m of the spin's arrow in 1 rad/s
 SAME_CLOCK = 5.0  # s between stamp and arrival, above which they are of different clocks
 MATCH = 1e-5  # s between the time of a state and the start of the path that was predicted from it
+STATES = 32  # newest states that are kept, for the tracker may send several before the path of one arrives
 
 BLUE: Colour = (0.09, 0.29, 0.46, 1.0)
 WHITE: Colour = (0.95, 0.95, 0.95, 1.0)
@@ -120,7 +121,7 @@ class Scene:
     def forget(self) -> None:
         """Forget everything that has a time, as before the first message."""
         self._lag, self._latest = 0.0, -np.inf  # s: arrival minus stamp; newest arrival
-        self._measured: BallState | None = None
+        self._states = deque[BallState](maxlen=STATES)
         self._true: Timed[BallState] | None = None
         self._trail = deque[BallState](maxlen=TRAIL_POINTS)
         self._path: Timed[BallPath] | None = None
@@ -150,10 +151,10 @@ class Scene:
             self._trail.popleft()
         self._true = Timed(state, now + BALL_LIFETIME)
 
-    def take_measured(self, state: BallState, now: float) -> None:
-        """Take a measured ball."""
+    def take_estimate(self, state: BallState, now: float) -> None:
+        """Take a ball as it was measured, or as the tracker has it."""
         self._follow(state.time, now)
-        self._measured = state
+        self._states.append(state)
 
     def take_path(self, path: BallPath, now: float) -> None:
         """Take a predicted path."""
@@ -212,12 +213,12 @@ class Scene:
 
     def _uncertainty(self, path: BallPath) -> list[Item]:
         """Return ellipsoids along a path; nothing if the covariance of the ball that it starts with is not known."""
-        measured = self._measured
-        if measured is None or measured.covariance is None or abs(measured.time - path.times[0]) > MATCH:
+        start = next((state for state in reversed(self._states) if abs(state.time - path.times[0]) <= MATCH), None)
+        if start is None or start.covariance is None:
             return []
         times = np.linspace(path.times[0], path.times[-1], SAMPLES + 1)[1:]
         try:
-            places = covariances(measured, self._physics, times)[:, :3, :3]
+            places = covariances(start, self._physics, times)[:, :3, :3]
         except TtError:  # a covariance with which no ball flies: the path is drawn without it
             return []
         rows = zip(itertools.count(), times, places, strict=False)

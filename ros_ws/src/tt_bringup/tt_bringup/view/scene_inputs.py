@@ -55,7 +55,8 @@ class SceneInputs:
         refused, trajectory = self.refused, MultiDOFJointTrajectory
         Input(node, String, "robot_description", self.on_description, LATCHED, largest=LARGEST_URDF, refused=refused)
         Input(node, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=refused, interval=interval)
-        Input(node, Odometry, "ball/measured", self.on_measured, RELIABLE, largest=LARGEST_STATE, refused=refused)
+        for topic in ("ball/measured", "ball/state"):  # the tracker's states begin paths, too
+            Input(node, Odometry, topic, self.on_estimate, RELIABLE, largest=LARGEST_STATE, refused=refused)
         Input(node, trajectory, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=refused)
         Input(node, trajectory, "racket/strokes", self.on_strokes, LATEST, largest=LARGEST_STROKES, refused=refused)
         Input(node, trajectory, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=refused)
@@ -87,10 +88,10 @@ class SceneInputs:
         except TtError as error:
             self.refused(error)
 
-    def on_measured(self, message: Odometry) -> None:
-        """Keep a measured ball."""
+    def on_estimate(self, message: Odometry) -> None:
+        """Keep a measured or tracked ball."""
         try:
-            self.scene.take_measured(ball_from_message(message), self.now())
+            self.scene.take_estimate(ball_from_message(message), self.now())
         except TtError as error:
             self.refused(error)
 
