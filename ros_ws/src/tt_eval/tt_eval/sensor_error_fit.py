@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 from tt_core.errors import TtError
 from tt_core.flight import fly
 from tt_core.states import Array, BallState
@@ -18,6 +17,7 @@ from tt_sim.world.launcher import SCALES
 from tt_vision.rig import VIEW_CENTRE
 
 from .episode import Trial
+from .progress import tracked
 from .scenario import HOME, Scenario, load
 from .sensor_error_model import SensorErrorModel, last_frame
 
@@ -63,7 +63,7 @@ def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
     """
     with ProcessPoolExecutor() as pool:
         seen = pool.map(functools.partial(errors_seen, scenario), range(balls), chunksize=4)
-        done = list(track(seen, total=balls, description="balls"))
+        done = list(tracked("balls", balls, seen))
     rows = np.array([row for _, row in done if row is not None])
     if len(rows) < FEWEST:
         raise TtError(f"{len(rows)} of {balls} balls were measured, {FEWEST} needed")

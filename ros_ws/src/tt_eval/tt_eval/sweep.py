@@ -20,10 +20,10 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tt_core.errors import TtError
 
 from .episode import Trial, play, session
+from .progress import progress
 from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
 
@@ -104,20 +104,14 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     begun.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
     tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
     missing = [task for task in tasks if not (folder / f"{task[0]:09d}.parquet").is_file()]
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with ExitStack() as stack:
-        bar = stack.enter_context(Progress(*columns, disable=not sys.stderr.isatty()))
-        done = balls - sum(last - first for first, last in missing)
-        row = bar.add_task("balls", total=balls, completed=done)
+        advance = stack.enter_context(progress("balls", balls, balls - sum(last - first for first, last in missing)))
         executor, count = _executor(stack, scheduler, workers)
         for first, table in parts(scenario, missing, executor, count):
             half = folder / f"{first:09d}.half"
             pq.write_table(table, half)
             half.rename(half.with_suffix(".parquet"))  # whole or not there
-            bar.advance(row, table.num_rows)
-            before, done = done, done + table.num_rows
-            if bar.disable and 10 * done // balls > 10 * before // balls:  # a tenth more
-                print(f"{done} of {balls} balls", file=sys.stderr, flush=True)
+            advance(table.num_rows)
     half = out.with_name(out.name + ".half")
     with pq.ParquetWriter(half, SCHEMA.with_metadata({"scenario": scenario.name, "fingerprint": mark})) as writer:
         for first, _ in tasks:

@@ -22,6 +22,7 @@ from tt_vision.measure import measure_burst
 from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin.dissertation import centres_by_four_points, inscribed_square, method_2, velocity_by_least_squares
 
+from ..progress import tracked
 from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
 SHOTS = (("top", 3), ("top", 4), ("top", 4), ("top", 5), ("back", 4), ("left", 4), ("right", 4))
@@ -62,7 +63,7 @@ def run(runs: int) -> list[go.Figure]:
     table = Table(*heads, "printed")
     traces: list[tuple[str, list[tuple[float, Array]]]] = []
     pictures: list[go.Figure] = []
-    for n, filmed in itertools.groupby(shots(runs), key=lambda shot: shot[0]):
+    for n, filmed in itertools.groupby(tracked("bursts", len(SHOTS) * runs, shots(runs)), key=lambda shot: shot[0]):
         (kind, scale), misses = SHOTS[n], []
         for _, trial, burst in filmed:
             detected = detect_balls(burst.burst)

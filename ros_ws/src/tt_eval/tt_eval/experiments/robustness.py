@@ -15,6 +15,7 @@ from tt_sim.render import Lamps, Noise
 from tt_vision.measure import measure_burst
 
 from ..page import BLUE, WHOLE
+from ..progress import tracked
 from ..synthetic_bursts import BurstConditions, bursts
 
 BASE = BurstConditions()
@@ -45,7 +46,7 @@ def run(runs: int) -> list[go.Figure]:
     """Print the errors of the measurement under each condition of `runs` bursts; return one figure of them."""
     table = Table("condition", "spin rpm, median", "95 %", "worst", "over 300", "refused", "position mm, 95 %", "velocity m/s, 95 %")
     figure = go.Figure()
-    for name, conditions in SWEEPS.items():
+    for name, conditions in tracked("conditions", len(SWEEPS), SWEEPS.items()):
         misses, refused = [], 0
         for burst in bursts(runs, conditions):
             ball = measure_burst(burst.left_burst if name == "one camera" else burst.burst).ball

@@ -23,6 +23,7 @@ from tt_vision.rig import VIEW_CENTRE, high_speed_pair
 from tt_vision.spin import estimate_spin
 
 from ..page import COLOURS, GREY
+from ..progress import tracked
 from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
 FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
@@ -54,7 +55,8 @@ def along(got: Array, spin: Array) -> float:
 def run(runs: int) -> list[go.Figure]:
     """Measure each spin of the rotation machine `runs` times, print how often speed and axis are right; return Figures 2.14 and 2.15."""
     rows = []  # frame, axis, method, speed, estimated speed, inner product, vector error, ms
-    for frame, a, speed, spin, burst in turning(runs):
+    count = len(FRAMES) * len(AXES) * len(SPEEDS) * runs
+    for frame, a, speed, spin, burst in tracked("bursts", count, turning(runs)):
         for method in METHODS:
             start = time.perf_counter()
             got = estimate_spin(burst.images, burst.times, burst.cameras, method=method).spin
