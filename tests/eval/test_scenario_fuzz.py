@@ -143,6 +143,7 @@ VALID = st.fixed_dictionaries(
                 "cameras": within(CameraFaults),
                 "tracking_cameras": within(TrackingCameraFaults),
                 "plant": within(PlantParams),
+                "session_randomization": within(DomainRandomization),
                 "domain_randomization": within(DomainRandomization),
             },
         ),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tt_core.physics import Physics
+from tt_eval.episode import Trial
 from tt_eval.scenario import load
 from tt_sim.cameras.camera_faults import CameraFaults, arrivals
 from tt_sim.cameras.camera_sequence import Frame
@@ -39,6 +40,19 @@ def test_trials_differ_as_much_as_the_world_says():
     }.items():
         assert np.mean(values) == pytest.approx(1.0, abs=5 * getattr(world.domain_randomization, name) / np.sqrt(500))
         assert np.std(values) == pytest.approx(getattr(world.domain_randomization, name), rel=0.16)  # 5 / sqrt(2 n)
+
+
+def test_balls_of_a_session_vary_about_it():
+    world = load("real").world
+    sessions = [world.of_session(number) for number in range(300)]
+    drags = np.array([one.physics.air.drag for one in sessions]) / world.physics.air.drag
+    assert np.std(drags) == pytest.approx(world.session_randomization.drag, rel=0.21)  # 5 / sqrt(2 n)
+    assert sessions[7] == world.of_session(7) != sessions[8]
+    balls = [Trial.drawn(replace(load("real"), session=50), seed).physics.air.drag for seed in range(100)]
+    for number, part in enumerate((balls[:50], balls[50:])):
+        mean, spread = sessions[number].physics.air.drag, world.domain_randomization.drag
+        assert np.mean(part) == pytest.approx(mean, rel=5 * spread / np.sqrt(50))
+        assert np.std(part) == pytest.approx(mean * spread, rel=0.5)  # 5 / sqrt(2 n)
 
 
 def test_without_variation_a_trial_is_the_world():

@@ -42,6 +42,7 @@ from tt_sim.world.launcher import launch
 from tt_sim.world.outcome import Outcome, Result
 from tt_sim.world.plant import Plant
 from tt_sim.world.true_ball import Surface
+from tt_sim.world_file import WorldParams
 from tt_vision.camera import Camera
 from tt_vision.capture.assembler import Assembler
 from tt_vision.measure import Measurement, measure_burst
@@ -110,7 +111,8 @@ class Trial:
                 ball = known[rng.integers(len(known))]
             kind, scale, orientation = scenario.shots, 0, Rotation.random(rng=rng).as_matrix()
             cameras = tuple(_aimed(camera, ball) for camera in cameras)  # type: ignore[assignment]
-        physics = scenario.world.domain_randomization.draw(scenario.world.physics, rng)
+        world = _session_world(scenario.world, seed // scenario.balls)
+        physics = world.domain_randomization.draw(world.physics, rng)
         if scenario.shots == "rotation":
             physics = replace(physics, air=rotation_machine.HELD)
         ball = BallState.from_vector(ball.time + time, ball.vector)
@@ -232,6 +234,11 @@ class Episode:
 ARM_TOO_SLOW = {ReachFailure.BEYOND_SPEED_LIMIT, SwingFailure.TORQUE_LIMIT}
 
 
+@functools.lru_cache(maxsize=4)
+def _session_world(world: WorldParams, number: int) -> WorldParams:
+    return world.of_session(number)
+
+
 @functools.cache
 def _cameras() -> tuple[Camera, Camera]:
     return high_speed_pair()
@@ -324,7 +331,7 @@ def play(scenario: Scenario, seed: int) -> Episode:
     Raises:
         NoShots: The scenario wants shots of real play, and there are none.
     """
-    if scenario.balls > 1:
+    if scenario.launcher.rate:
         return session(scenario, seed // scenario.balls)[seed % scenario.balls]
     trial = Trial.drawn(scenario, seed)
     plan, control, plant = Plan.of(trial), _control(scenario), Plant(_arm(scenario.arm), scenario.world.plant)

@@ -69,7 +69,8 @@ class Scenario:
         robot: Its models and methods.
         arm: Path of an arm file, see docs/arms.md; "pa10" for the PA10.
         launcher: Where it stands, and its rate.
-        session: Balls that one arm meets at the launcher's rate. Without a rate each ball has an arm that waits for it.
+        session: Balls whose coefficients vary about those of one session; None without a rate: each ball is a session of its own. At the
+            launcher's rate one arm meets them all, by default SESSION; without a rate the arm waits for each.
         images: Whether images are rendered and measured; otherwise the sensor error model gives the measured ball.
         tick: s, between two joint states.
         name: Of the file, for tables.
@@ -107,8 +108,6 @@ class Scenario:
             raise TtError(f"launcher.rate = {self.launcher.rate:g} goes with balls that fly, not with shots 'rotation'")
         if self.session is not None:
             check_range("session", self.session, 2, 1000)
-            if not self.launcher.rate:
-                raise TtError(f"session = {self.session} goes with a launcher.rate")
 
     @property
     def scales(self) -> tuple[int, ...]:
@@ -117,8 +116,8 @@ class Scenario:
 
     @property
     def balls(self) -> int:
-        """Balls of a session; 1 without a rate."""
-        return (self.session or SESSION) if self.launcher.rate else 1
+        """Balls of a session."""
+        return self.session or (SESSION if self.launcher.rate else 1)
 
     def shot(self, seed: int) -> tuple[str, int]:
         """Return kind and scale of a trial; all are played in turn, equally often."""

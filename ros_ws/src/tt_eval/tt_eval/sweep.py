@@ -54,7 +54,7 @@ class NoScheduler(TtError):
 
 def part(scenario: Scenario, first: int, last: int) -> pa.Table:
     """Play balls `first` to `last` - 1, a row each; at a rate, the sessions that they belong to are played as a whole."""
-    if scenario.balls == 1:
+    if not scenario.launcher.rate:
         return pa.Table.from_pylist([sweep_metrics(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
     numbers = range(first // scenario.balls, -(-last // scenario.balls))
     played = (episode for number in numbers for episode in session(scenario, number))

@@ -1,4 +1,7 @@
-"""The true coefficients of one ball, drawn at random about those of its world."""
+"""The true coefficients, drawn at random in two levels: those of a session about its world's, those of a ball about its session's.
+
+What is the same in a session, such as rubber, table and the air of a hall, can be learnt; what differs from ball to ball cannot.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ FURTHEST = 3.0  # standard deviations, at which draws are cut
 
 @dataclass(frozen=True, slots=True)
 class DomainRandomization:
-    """Standard deviations of the coefficients from ball to ball, each as a share of its coefficient."""
+    """Standard deviations of the coefficients from session to session or from ball to ball, each as a share of its coefficient."""
 
     drag: float = param(0.0, "", "standard deviation of the drag coefficients, as a share of them", low=0.0, high=0.5)
     lift: float = param(0.0, "", "standard deviation of the lift coefficients, as a share of them", low=0.0, high=0.5)
@@ -31,7 +34,7 @@ class DomainRandomization:
         check(self)
 
     def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
-        """Draw the physics of one ball.
+        """Draw the physics of one session or ball.
 
         Coefficients are cut where a surface would give energy to the ball.
 

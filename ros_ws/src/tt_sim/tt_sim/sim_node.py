@@ -90,7 +90,7 @@ class SimNode(Node):
         """Declare parameters, start the process that renders, compile the kernels, then subscribe and start the loop."""
         super().__init__("sim")
         self.params = declare(self, SimParams, changed=self.on_params)
-        self.world = self.chosen_world()
+        self.world = self.chosen_world().of_session(self.params.seed)
         self.launcher = declare(self, LauncherParams, "launcher.", changed=self.on_launcher)
         self.arm = load_arm(self.params.robot)
         plant = Plant(self.arm, self.world.plant)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 from tt_core.errors import check_range
 from tt_core.physics import Physics
 from tt_core.strict_yaml import build, find, read
@@ -16,6 +17,7 @@ from .world.plant import PlantParams
 from .world.true_ball import LEAST_CONTACT
 
 WORLDS = Path(__file__).parent / "worlds"
+_SESSIONS = 3  # second part of the seeds of sessions, which keeps them apart from those of balls
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class WorldParams:
 
     Attributes:
         physics: Models of air, table and rubber.
-        domain_randomization: How much their coefficients differ from ball to ball.
+        session_randomization: How much their coefficients differ from session to session.
+        domain_randomization: How much they differ from ball to ball in a session.
         cameras: Faults of the high-speed cameras.
         tracking_cameras: Faults of the wide cameras.
         plant: The arm.
@@ -32,6 +35,7 @@ class WorldParams:
     """
 
     physics: Physics = field(default_factory=Physics.liu)
+    session_randomization: DomainRandomization = field(default_factory=DomainRandomization)
     domain_randomization: DomainRandomization = field(default_factory=DomainRandomization)
     cameras: CameraFaults = field(default_factory=CameraFaults)
     tracking_cameras: TrackingCameraFaults = field(default_factory=TrackingCameraFaults)
@@ -41,6 +45,11 @@ class WorldParams:
     def __post_init__(self) -> None:
         """Refuse a ball that is a point, as in the dissertation's models: it cannot touch a racket's disc."""
         check_range("physics.contact_height", self.physics.contact_height, LEAST_CONTACT, 0.1)
+
+    def of_session(self, number: int) -> WorldParams:
+        """Return the world with the coefficients of one session; number: of the session, its seed."""
+        rng = np.random.default_rng([number, _SESSIONS])
+        return replace(self, physics=self.session_randomization.draw(self.physics, rng))
 
 
 def load_world(name: str) -> WorldParams:
