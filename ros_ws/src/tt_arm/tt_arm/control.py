@@ -25,7 +25,8 @@ from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
-from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_stroke, stroke_distance
+from .stroke_correction import stroke_distance
+from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_stroke
 from .swing import Swing, SwingLimits, plan
 from .trajectory.legs import make_leg
 from .trajectory.path import Path

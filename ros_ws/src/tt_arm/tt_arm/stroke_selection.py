@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-import numpy as np
 from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import RacketState
 
 from .joints import Joints
 from .model import ArmModel
-from .reach import METHODS, Reach, ReachParams, adjust, reach
+from .reach import METHODS, Reach, ReachFailure, ReachParams, reach
+from .stroke_correction import corrections, postures
 from .swing import StrikePlan, Swing, SwingLimits, strike
 
 HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
@@ -28,9 +28,15 @@ LESS_SPARE = 0.25  # of the spare time, in the second search: the search knows o
 class SelectionParams:
     """How many of the candidates are tried, and how."""
 
-    tries: int = param(6, "", "candidates that are tried until one can be made; 1 ms each", low=1, high=100)
+    tries: int = param(16, "", "candidates that are tried until one can be made; 1 ms each", low=1, high=100)
     hurried: int = param(12, "", "candidates that are all tried when balls come one soon after the other", low=1, high=100)
+    corrections: int = param(
+        4, "", "corrections of the stroke on its way that are tried before another posture is searched; 1 ms each", low=1, high=100
+    )
     spare: float = param(0.02, "s", "time that the posture should leave to spare, if one can", low=0.0, high=1.0)
+    margin: float = param(
+        0.0, "", "share of the speed limits that a new posture keeps for corrections of its stroke, if it can", low=0.0, high=0.9
+    )
     method: str = param("best", "", "method of `reach`; liu is the dissertation's, for comparison", choices=METHODS)
 
     def __post_init__(self) -> None:
@@ -91,16 +97,6 @@ class StrokeSelection:
         return cls(None, None, None, None, tuple(reasons), refused)
 
 
-def stroke_distance(one: RacketState, other: RacketState) -> float:
-    """Return how far one stroke is from another (m), as it matters for a ball.
-
-    It is the distance of the face centres at the other one's time, plus what the tilt makes over 2 cm and the speed in 5 ms.
-    """
-    position = one.position + one.velocity * (other.time - one.time)
-    tilt, speed = np.linalg.norm(one.normal - other.normal), np.linalg.norm(one.velocity - other.velocity)
-    return float(np.linalg.norm(position - other.position) + 0.02 * tilt + 0.005 * speed)
-
-
 def select_stroke(
     model: ArmModel,
     rackets: Sequence[RacketState],
@@ -120,18 +116,17 @@ def select_stroke(
         limits: What the swing may use.
         reaching: What the posture search weighs.
         params: How many candidates are tried.
-        current: The stroke on its way, which is adjusted to the nearest candidate where it can be.
+        current: The stroke on its way, which is corrected where it can be, see `stroke_correction`.
         hurried: Whether another ball comes soon. Then the candidate is selected after which the arm waits again soonest.
     """
     reasons: list[Refusal] = []
-    if current is not None and rackets:
-        nearest = min(range(len(rackets)), key=lambda i: stroke_distance(current[0], rackets[i]))
-        racket = rackets[nearest]
-        target = adjust(model, racket, current[1], model.limits.reduced(speed=limits.speed_share))
-        planned = strike(model, start, target, racket.time, limits)
-        if planned.swing is not None:
-            return StrokeSelection(nearest, racket, target, planned.swing, ())
-        reasons += [Refusal(planned.failure, nearest, adjusted=True)] if planned.failure else []
+    if current is not None:
+        for change in corrections(rackets, current[0])[: params.corrections]:
+            for target in postures(model, change.racket, current[1], model.limits.reduced(speed=limits.speed_share)):
+                planned = strike(model, start, target, change.racket.time, limits)
+                if planned.swing is not None:
+                    return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons))
+            reasons += [Refusal(planned.failure, change.candidate, adjusted=True)] if planned.failure else []
     found: StrokeSelection | None = None
     tries = params.hurried if hurried else params.tries
     for i, racket in enumerate(rackets[:tries]):
@@ -152,9 +147,12 @@ def select_stroke(
 def _try(
     model: ArmModel, racket: RacketState, start: Joints, limits: SwingLimits, reaching: ReachParams, params: SelectionParams
 ) -> tuple[Reach, StrikePlan]:
-    """Return posture and swing for one candidate; if it comes too late, those of a posture that is in time at any price."""
+    """Return posture and swing for one candidate; if it comes too late, those of a posture that is in time at any price.
+
+    The first posture keeps `params.margin` of the joint speeds; where there is none, and if it comes too late, all of them may be used.
+    """
     left = racket.time - start.time - limits.ramp
-    for spare, weight in ((params.spare, reaching.return_weight), (LESS_SPARE * params.spare, 0.0)):
+    for spare, weight, margin in _efforts(reaching, params):
         weighed = replace(
             reaching,
             swing_time=min(MOST_TIME, max(LEAST_TIME, left - spare)),
@@ -162,9 +160,17 @@ def _try(
             return_weight=weight,
             command_timeout=limits.hold,
         )
-        joints = model.limits.reduced(speed=limits.speed_share)
+        joints = model.limits.reduced(speed=limits.speed_share * (1.0 - margin))
         target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=params.method, limits=joints)
         planned = strike(model, start, target, racket.time, limits)
-        if planned.swing is not None or planned.earliest - racket.time > HOPELESS:
+        too_fast = target.reason is not None and target.reason.code is ReachFailure.BEYOND_SPEED_LIMIT
+        if planned.swing is not None or (planned.earliest - racket.time > HOPELESS and not (too_fast and margin > 0.0)):
             break
     return target, planned
+
+
+def _efforts(reaching: ReachParams, params: SelectionParams) -> list[tuple[float, float, float]]:
+    """Return time to spare (s), weight of the time home (1/s) and margin of the joint speeds of each search, in turn."""
+    usual = params.spare, reaching.return_weight
+    with_margin = [(*usual, params.margin)] if params.margin > 0.0 else []
+    return [*with_margin, (*usual, 0.0), (LESS_SPARE * params.spare, 0.0, 0.0)]

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from tt_arm.arm_file import load_arm
 from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
+from tt_arm.kinematics import forward
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachFailure
 from tt_arm.stroke_selection import SelectionParams, StrokeSelection
@@ -26,6 +27,7 @@ from tt_core.flight import fly
 from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
+from tt_predict.learning import PhysicsLearner
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
 from tt_racket.failures import StrokeFailure
@@ -34,9 +36,9 @@ from tt_racket.intercept import Candidates, hit_points, intercept
 from tt_racket.stroke import Stroke, solve
 from tt_sim.cameras.camera_faults import arrivals
 from tt_sim.cameras.camera_sequence import camera_sequence
-from tt_sim.cameras.tracking_cameras import Sightings
+from tt_sim.cameras.tracking_cameras import Sightings, TrackingCameraFaults, TrackingCameraPair, TrackingCameras
 from tt_sim.render import Scene, Texture
-from tt_sim.simulated_robot import SimulatedRobot
+from tt_sim.simulated_robot import SimulatedRobot, Tick
 from tt_sim.world import rotation_machine
 from tt_sim.world.launcher import launch
 from tt_sim.world.outcome import Outcome, Result
@@ -46,12 +48,13 @@ from tt_sim.world_file import WorldParams
 from tt_vision.camera import Camera
 from tt_vision.capture.assembler import Assembler
 from tt_vision.measure import Measurement, measure_burst
-from tt_vision.rig import VIEW_CENTRE, high_speed_pair
+from tt_vision.rig import VIEW_CENTRE, WIDE_RATE, high_speed_pair
 
 from . import rallies
 from .arm_loop import arm_ticks
 from .failures import Causes, EpisodeFailure
 from .fast_swing import Setup, rally
+from .feedback import Follower
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
@@ -153,6 +156,7 @@ class Episode:
         candidates: Strokes.
         selection: What the arm made of them.
         joints: (n, 1 + 2 joints) time (s), q (rad or m) and qdot of every tick; at a rate, from the ball's launch on.
+        states: Of the ball until the strike, that path and strokes have followed; empty without feedback.
     """
 
     trial: Trial
@@ -164,6 +168,7 @@ class Episode:
     candidates: Candidates | None
     selection: StrokeSelection | None
     joints: Array
+    states: tuple[BallState, ...] = ()
 
     @functools.cached_property
     def sightings(self) -> Sightings:
@@ -183,7 +188,7 @@ class Episode:
         """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
         if self.outcome.result is Result.RETURNED:
             return None
-        if self.measured is None:
+        if self.measured is None and not self.states:
             refused = self.measurement.reason if self.measurement else None
             return Failure(EpisodeFailure.MEASUREMENT_REFUSED, cause=refused) if refused else Failure(EpisodeFailure.NOT_SEEN)
         if self.candidates is None or not self.candidates.strokes:
@@ -208,7 +213,7 @@ class Episode:
         """Return the kind of failure of this episode if the ball had that outcome."""
         if outcome.result is Result.RETURNED:
             return None
-        if self.measured is None:
+        if self.measured is None and not self.states:
             return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
         if self.candidates is None or not self.candidates.strokes:
             codes = [failure.code for _, failure in self.candidates.refused] if self.candidates else []
@@ -232,6 +237,12 @@ class Episode:
 
 
 ARM_TOO_SLOW = {ReachFailure.BEYOND_SPEED_LIMIT, SwingFailure.TORQUE_LIMIT}
+
+
+@functools.lru_cache(maxsize=4)
+def _wide_cameras(faults: TrackingCameraFaults, number: int) -> TrackingCameraPair:
+    """Return the wide cameras as they stand in a session."""
+    return TrackingCameraPair(faults, np.random.default_rng([number, 5]))
 
 
 @functools.lru_cache(maxsize=4)
@@ -292,7 +303,7 @@ class Plan:
     """What the robot plans for a ball before the arm plans its swing; fields as those of Episode.
 
     Attributes:
-        due: s, when the strokes are at the arm; inf without strokes.
+        due: s, when the strokes are at the arm, or with feedback could be; inf for a ball that was not measured.
     """
 
     measurement: Measurement | None = None
@@ -309,10 +320,12 @@ class Plan:
         measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
         if measured is None:
             return cls(measurement)
+        due = measured.time - cameras.clock_offset + cameras.latency + robot.latency
+        if robot.feedback:
+            return cls(measurement, measured, due=due)
         believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
         path = rollout(believed, robot.physics, StopRule.at_x(path_end(robot.intercept.x_low)))
         goal = scenario.goal or default_goal(measured.spin, robot.default_goal)
-        due = measured.time - cameras.clock_offset + cameras.latency + robot.latency
         return cls(measurement, measured, goal, path, answered(path, goal, robot), due)
 
     @property
@@ -331,31 +344,48 @@ def play(scenario: Scenario, seed: int) -> Episode:
     Raises:
         NoShots: The scenario wants shots of real play, and there are none.
     """
-    if scenario.launcher.rate:
+    if scenario.is_played_whole:
         return session(scenario, seed // scenario.balls)[seed % scenario.balls]
-    trial = Trial.drawn(scenario, seed)
-    plan, control, plant = Plan.of(trial), _control(scenario), Plant(_arm(scenario.arm), scenario.world.plant)
-    done = _swiftly(trial, control, plant, plan)
-    return _episode(trial, plan, *done) if done else _tick_by_tick([trial], [plan], control, plant, trial.rng)[0]
+    return _alone(Trial.drawn(scenario, seed), PhysicsLearner(scenario.robot.physics))
 
 
 def session(scenario: Scenario, number: int) -> list[Episode]:
-    """Play the balls of one session, launched at the scenario's rate and met by one arm; number: counts sessions from 0."""
-    first, period = number * scenario.balls, 60.0 / scenario.launcher.rate if scenario.launcher.rate else 0.0
-    trials = [Trial.drawn(scenario, first + i, i * period) for i in range(scenario.balls)]
-    plans = [Plan.of(trial) for trial in trials]
-    plant = Plant(_arm(scenario.arm), scenario.world.plant)
-    return _tick_by_tick(trials, plans, _control(scenario), plant, np.random.default_rng([first, 2]))
+    """Play the balls of one session; number: counts sessions from 0.
+
+    They are launched at the scenario's rate and met by one arm, or without a rate one by one by an arm that waits. What a robot has learnt
+    it keeps until the session ends.
+    """
+    first, rate, learner = number * scenario.balls, scenario.launcher.rate, PhysicsLearner(scenario.robot.physics)
+    if not rate:
+        return [_alone(Trial.drawn(scenario, first + i), learner) for i in range(scenario.balls)]
+    trials = [Trial.drawn(scenario, first + i, i * 60.0 / rate) for i in range(scenario.balls)]
+    return _tick_by_tick(trials, [Plan.of(trial) for trial in trials], learner, np.random.default_rng([first, 2]))
+
+
+def _alone(trial: Trial, learner: PhysicsLearner) -> Episode:
+    """Play one ball, for which the arm waits."""
+    plan = Plan.of(trial)
+    if not trial.scenario.robot.feedback:
+        done = _swiftly(trial, _control(trial.scenario), _plant(trial.scenario), plan)
+        if done is not None:
+            return _episode(trial, plan, *done)
+    return _tick_by_tick([trial], [plan], learner, trial.rng)[0]
 
 
 def _control(scenario: Scenario) -> ArmControl:
-    control = ArmControl(_arm(scenario.arm), selection=SelectionParams(method=scenario.robot.reach))
+    control = ArmControl(_arm(scenario.arm), selection=SelectionParams(method=scenario.robot.reach, margin=scenario.robot.margin))
     control.enable(True)
     return control
 
 
-def _episode(trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array) -> Episode:
-    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints)
+def _plant(scenario: Scenario) -> Plant:
+    return Plant(_arm(scenario.arm), scenario.world.plant)
+
+
+def _episode(
+    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, states: tuple[BallState, ...] = ()
+) -> Episode:
+    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints, states)
 
 
 Played = tuple[Outcome, "StrokeSelection | None", Array]
@@ -371,16 +401,22 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
         selection = control.take(plan.rackets)
     swing = selection.swing if selection is not None and selection.index is not None else None
     done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)
-    if done is None:
-        control.enable(True)
-        return None
-    return Outcome(trial.ball, done[0]), selection, done[1]
+    return None if done is None else (Outcome(trial.ball, done[0]), selection, done[1])
 
 
-def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, plant: Plant, rng: np.random.Generator) -> list[Episode]:
-    """Play balls in the order of their launches, until nothing more happens to any; rng: of the encoders."""
-    tick_time, model = trials[0].scenario.tick, control.model
-    robot = SimulatedRobot(trials[0].physics, plant, Joints.at_rest(-tick_time, model.waiting), tick_time)
+def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, rng: np.random.Generator) -> list[Episode]:
+    """Play balls in the order of their launches, until nothing more happens to any.
+
+    Args:
+        trials: The balls.
+        plans: For each; changed to what the arm has been given last.
+        learner: What the robot knows of the coefficients.
+        rng: Of the encoders.
+    """
+    scenario = trials[0].scenario
+    control, plant, tick_time = _control(scenario), _plant(scenario), scenario.tick
+    robot = SimulatedRobot(trials[0].physics, plant, Joints.at_rest(-tick_time, control.model.waiting), tick_time)
+    eyes = FollowedSession(trials, plans, learner, control) if scenario.robot.feedback else None
     outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
     record, open_plans = list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
 
@@ -388,25 +424,94 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], control: ArmControl, p
         """Move arm and balls by one tick, after launching the next ball if it is due."""
         if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= robot.joints.time + tick_time:
             outcomes.append(robot.launch(trials[len(outcomes)].ball, trials[len(outcomes)].physics))
+            if eyes is not None:
+                eyes.next_ball()
         tick = robot.advance(command)
+        if eyes is not None:
+            eyes.look(tick)
         record.append([tick.joints.time, *tick.joints.q, *tick.joints.qdot])
         ends.update({outcomes.index(outcome): len(record) for outcome in tick.ended})
         return tick.joints
 
-    for joints, _ in arm_ticks(control, plant, advance(np.zeros(len(model.names))), tick_time, rng, advance):
+    for joints, _ in arm_ticks(control, plant, advance(np.zeros(len(control.model.names))), tick_time, rng, advance):
         if len(ends) == len(trials):
             break
-        while open_plans and plans[open_plans[0]].due <= joints.time:
-            i = open_plans.pop(0)
-            choices[i] = control.take(plans[i].rackets)
+        if eyes is not None:
+            eyes.act(joints.time)
+        else:
+            while open_plans and plans[open_plans[0]].due <= joints.time:
+                i = open_plans.pop(0)
+                choices[i] = control.take(plans[i].rackets)
         if joints.time >= trials[-1].ball.time + LONGEST:
             break
+    if eyes is not None:
+        eyes.finish()
+        plans, choices = eyes.plans, eyes.choices
     rows = np.array(record)
     starts = np.searchsorted(rows[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
     return [
-        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)])
+        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)], eyes.states[i] if eyes is not None else ())
         for i, (trial, plan, outcome) in enumerate(zip(trials, plans, outcomes, strict=True))
     ]
+
+
+class FollowedSession:
+    """Wide cameras, follower and arm together, ball after ball.
+
+    Attributes:
+        plans: For each ball; what the arm has made a swing for last, or been given last.
+        choices: What the arm has made of it, by ball.
+        states: That strokes were derived from, for each ball.
+    """
+
+    def __init__(self, trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, control: ArmControl) -> None:
+        """Begin before the first launch; arguments as of `_tick_by_tick`."""
+        self._trials, self._learner, self._control = trials, learner, control
+        scenario, first = trials[0].scenario, trials[0].seed
+        self._latency = scenario.robot.reaction
+        pair = _wide_cameras(scenario.world.tracking_cameras, first // scenario.balls)
+        rng = np.random.default_rng([first, 4])
+        self._cameras = TrackingCameras(pair, scenario.world.physics.air.coefficients, trials[0].ball.time + rng.uniform() / WIDE_RATE, rng)
+        self._follower = Follower(scenario, learner)
+        self._ball, self._struck = -1, False
+        self.plans, self.choices = list(plans), dict[int, StrokeSelection]()
+        self.states = list[tuple[BallState, ...]]([()] * len(trials))
+
+    def next_ball(self) -> None:
+        """Follow the ball that is launched now."""
+        if self._ball >= 0:
+            self.finish()
+            self._follower = Follower(self._trials[0].scenario, self._learner)
+        self._ball, self._struck = self._ball + 1, False
+        plan = self.plans[self._ball]
+        if plan.measured is not None:
+            self._follower.measure(plan.measured, plan.due - self._latency)
+
+    def look(self, tick: Tick) -> None:
+        """Let the cameras see what was true during a tick."""
+        self._follower.see(self._cameras.frames(tick))
+
+    def act(self, now: float) -> None:
+        """Give the arm the strokes that are due at a time (s), and see whether it has struck."""
+        answer, i = self._follower.answer(now), self._ball
+        if answer is not None and answer.rackets:
+            selection = self._control.take(answer.rackets)
+            if selection.swing is not None or i not in self.choices:
+                self.choices[i] = selection
+                self.plans[i] = replace(self.plans[i], goal=answer.goal, path=answer.path, candidates=answer.candidates)
+        elif answer is not None and self.plans[i].path is None:
+            self.plans[i] = replace(self.plans[i], goal=answer.goal, path=answer.path, candidates=answer.candidates)
+        choice, joints = self.choices.get(i), self._control.joints
+        if not self._struck and choice is not None and choice.swing is not None and joints is not None and now >= choice.swing.strike_time:
+            self._struck = True
+            position, rotation, jacobian = forward(joints.q.copy(), self._control.model.chain)
+            velocity, turning = np.split(jacobian @ joints.qdot, 2)
+            self._follower.strike(RacketState.facing(joints.time, position, velocity, rotation[:, 2]), turning)
+
+    def finish(self) -> None:
+        """Learn from the ball that was followed last, and keep its states."""
+        self.states[self._ball] = tuple(self._follower.states)
+        self._follower.finish()
 
 
 def landing_error(episode: Episode) -> float | None:

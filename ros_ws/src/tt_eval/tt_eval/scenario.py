@@ -35,6 +35,12 @@ class Robot:
         reach: Method of `tt_arm.reach`: "best" or "liu".
         spin: "measured", or "ignored": the robot takes it as none.
         latency: s, from the middle of the last frame's exposure to the strokes at the arm.
+        feedback: Whether the wide cameras follow the ball, and strokes and swing follow them until shortly before the strike.
+        reaction: s, from the pixels of a pair of wide frames to the strokes at the arm.
+        interval: s, least time between two states of the ball that strokes follow.
+        learning: Whether flights and returns change what the robot believes of air, table and rubber for the next balls of a session;
+            takes feedback.
+        margin: Share of the joint speeds that a new posture keeps for corrections.
         intercept: Where strokes are looked for.
         default_goal: What is asked of returns without a goal.
     """
@@ -44,12 +50,22 @@ class Robot:
     reach: str = "best"
     spin: str = "measured"
     latency: float = 0.06
+    feedback: bool = False
+    reaction: float = 0.01
+    interval: float = 0.03
+    learning: bool = False
+    margin: float = 0.0
     intercept: InterceptParams = field(default_factory=InterceptParams)
     default_goal: GoalParams = field(default_factory=GoalParams)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range, and methods that there are not."""
         check_range("latency", self.latency, 0.0, 2.0)
+        check_range("reaction", self.reaction, 0.0, 2.0)
+        check_range("interval", self.interval, 0.0, 1.0)
+        check_range("margin", self.margin, 0.0, 0.9)
+        if self.learning and not self.feedback:
+            raise TtError("learning = true takes feedback = true")
         check_choice("stroke", self.stroke, ("exact", "sam", "specular"))
         check_choice("reach", self.reach, ("best", "liu"))
         check_choice("spin", self.spin, ("measured", "ignored"))
@@ -118,6 +134,11 @@ class Scenario:
     def balls(self) -> int:
         """Balls of a session."""
         return self.session or (SESSION if self.launcher.rate else 1)
+
+    @property
+    def is_played_whole(self) -> bool:
+        """Whether a ball depends on those before it in its session: one arm meets them all, or learns from each."""
+        return bool(self.launcher.rate or (self.robot.learning and self.balls > 1))
 
     def shot(self, seed: int) -> tuple[str, int]:
         """Return kind and scale of a trial; all are played in turn, equally often."""

@@ -53,8 +53,8 @@ class NoScheduler(TtError):
 
 
 def part(scenario: Scenario, first: int, last: int) -> pa.Table:
-    """Play balls `first` to `last` - 1, a row each; at a rate, the sessions that they belong to are played as a whole."""
-    if not scenario.launcher.rate:
+    """Play balls `first` to `last` - 1, a row each; sessions whose balls depend on each other are played as a whole."""
+    if not scenario.is_played_whole:
         return pa.Table.from_pylist([sweep_metrics(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
     numbers = range(first // scenario.balls, -(-last // scenario.balls))
     played = (episode for number in numbers for episode in session(scenario, number))

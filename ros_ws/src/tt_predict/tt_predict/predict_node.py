@@ -25,6 +25,7 @@ from tt_core.ros.refusals import Refusals
 from tt_core.states import BallState
 
 from .rollout import StopRule, rollout, thinned
+from .state_selection import StateSelection, StateSelectionParams
 from .uncertainty import uncertainty
 
 UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
@@ -44,9 +45,6 @@ class PredictParams:
     until_x: float = param(
         PATH_END_X, "m", "x of the plane in `table` at which a path ends; past every hit window of the racket node", low=-100.0, high=100.0
     )
-    interval: float = param(
-        0.0, "s", "least time between two states that are predicted; a tracker sends more than the nodes behind can use", low=0.0, high=1.0
-    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -65,7 +63,8 @@ class PredictNode(Node):
         self.physics = declare_physics(self)
         self.params = declare(self, PredictParams)
         self.stop = StopRule.at_x(self.params.until_x)
-        self.predicted = self.at_end_predicted = -math.inf  # s, of the last state whose path, and whose uncertainty was predicted
+        self.states = StateSelection(declare(self, StateSelectionParams))
+        self.at_end_predicted = -math.inf  # s, of the last state whose uncertainty was predicted
         ball = BallState(0.0, np.array([2.6, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.array([0.0, -300.0, 0.0]))
         rollout(ball, self.physics, self.stop)  # loads the kernels
         uncertainty(BallState.from_vector(0.0, ball.vector, np.eye(9) * 1e-6), self.physics, self.stop)
@@ -80,12 +79,8 @@ class PredictNode(Node):
         """Predict the path and publish it."""
         try:
             ball = ball_from_message(message)
-            if (
-                ball.velocity[0] >= 0.0
-                or ball.position[0] <= self.params.until_x
-                or 0.0 <= ball.time - self.predicted < self.params.interval
-            ):
-                return  # it flies away, is past, or is nearly the last one
+            if ball.velocity[0] >= 0.0 or ball.position[0] <= self.params.until_x or not self.states.takes(ball):
+                return  # it flies away, is past, is nearly the last one, or hardly known
             path = rollout(ball, self.physics, self.stop)
             shown = thinned(path)
             self.path.publish(path_to_message(shown))
@@ -94,7 +89,6 @@ class PredictNode(Node):
         except TtError as error:
             self.refused(error)
             return
-        self.predicted = ball.time
         self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
         place = dict(zip("xyz", path.end.position, strict=True))
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)

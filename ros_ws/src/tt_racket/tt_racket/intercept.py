@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tt_core.arrays import POSITION, SPIN, VELOCITY
@@ -17,7 +17,7 @@ from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
 from .failures import StrokeFailure
-from .goal_relaxation import Relaxation, RelaxationParams, Return, relax_goal
+from .goal_relaxation import SHORTEST, GoalPart, Relaxation, RelaxationParams, Return, relax_goal
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
 
@@ -54,6 +54,14 @@ class InterceptParams:
         low=1,
         high=100,
     )
+    fallback_time: float = param(
+        0.0,
+        "s",
+        "change of the flight time of further strokes, for an arm that can make none as asked in time; -0.1 saves the most; 0: none",
+        low=-0.4,
+        high=0.4,
+    )
+    as_asked: int = param(6, "", "strokes as asked that are offered before those with another flight time", low=1, high=100)
     landing_rms: float = param(
         0.5,
         "m",
@@ -115,6 +123,8 @@ def intercept(
     params: InterceptParams,
     relaxation: RelaxationParams | None = None,
     errors: StrikeErrorParams | None = None,
+    *,
+    bounced: bool = False,
 ) -> Candidates:
     """Find the strokes that return the ball.
 
@@ -125,27 +135,41 @@ def intercept(
         params: Where strokes are tried, and their order.
         relaxation: What is given up if no point of the path gives the goal as asked.
         errors: Standard deviations at the strike, for the order.
+        bounced: See `hit_points`.
 
     Returns:
         The strokes, best first: those that give up what comes first in the order of `relaxation`, and among these slow rackets, because the
         arm's speed is what runs out first, and returns that land near the goal in spite of `errors`.
     """
     relaxation, errors = relaxation or RelaxationParams(), errors or StrikeErrorParams()
-    balls = hit_points(path, params)
+    balls = hit_points(path, params, bounced)
     tried = as_asked(balls, goal, physics, params)
     returns = [one for one in tried if one.stroke.racket is not None]
     refused = tuple((one.ball, one.stroke.reason) for one in tried if one.stroke.reason is not None)
     if not returns:
         returns = relaxed(balls, goal, physics, params, relaxation)
     returns = ordered(returns, physics, params, relaxation, errors)
+    if params.fallback_time and balls:
+        returns[params.as_asked : params.as_asked] = ordered(
+            with_other_time(balls, goal, physics, params), physics, params, relaxation, errors
+        )
     return Candidates(tuple(one.stroke for one in returns), refused, tuple(one.relaxation for one in returns))
 
 
-def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
-    """Return the ball where it may be hit: after its only bounce, in the window, at most MOST_CANDIDATES times, evenly taken."""
-    if len(path.bounces) != 1:
+def hit_points(path: BallPath, params: InterceptParams, bounced: bool = False) -> list[BallState]:
+    """Return the ball where it may be hit: after its only bounce, in the window, at most MOST_CANDIDATES times, evenly taken.
+
+    The times are multiples of `params.spacing`, so that newer paths of a ball are hit at the same times.
+
+    Args:
+        path: The predicted path.
+        params: The window.
+        bounced: Whether the only bounce was before the path begins.
+    """
+    if len(path.bounces) != (0 if bounced else 1):
         return []
-    times = np.arange(path.bounces[0].time + params.spacing, path.times[-1], params.spacing)
+    first = path.times[0] if bounced else path.bounces[0].time + params.spacing
+    times = params.spacing * np.arange(math.ceil(first / params.spacing), math.ceil(path.times[-1] / params.spacing))
     rows = path.rows(times)
     low, high = (params.x_low, params.y_low, params.z_low), (params.x_high, params.y_high, params.z_high)
     inside = np.flatnonzero(((rows[:, POSITION] >= low) & (rows[:, POSITION] <= high)).all(axis=1))
@@ -156,6 +180,14 @@ def hit_points(path: BallPath, params: InterceptParams) -> list[BallState]:
 def as_asked(balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams) -> list[Return]:
     """Solve the goal as asked for each ball."""
     return [Return(ball, goal, solve(ball, goal, physics, racket_speed=params.racket_speed)) for ball in balls]
+
+
+def with_other_time(balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams) -> list[Return]:
+    """Return the feasible returns whose flight lasts `params.fallback_time` longer than asked."""
+    other = replace(goal, flight_time=max(SHORTEST, goal.flight_time + params.fallback_time))
+    relaxation = Relaxation.between(goal, other, GoalPart.TIME)
+    found = (Return(ball, other, solve(ball, other, physics, racket_speed=params.racket_speed), relaxation) for ball in balls)
+    return [one for one in found if one.stroke.racket is not None]
 
 
 def relaxed(

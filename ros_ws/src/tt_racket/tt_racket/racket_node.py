@@ -19,6 +19,7 @@ from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import BallPath, BallState, ReturnGoal
 
+from .followed_ball import FollowedBall
 from .goal import GoalParams, default_goal
 from .goal_relaxation import RelaxationParams
 from .intercept import InterceptParams, intercept
@@ -62,6 +63,7 @@ class RacketNode(Node):
         self.relaxation = declare(self, RelaxationParams, "relaxation.")
         self.errors = declare(self, StrikeErrorParams, "errors.")
         self.goal: ReturnGoal | None = None
+        self.ball = FollowedBall()
         ball = BallState(0.0, np.array([-0.15, 0.7, 0.25]), np.array([-4.0, 0.0, 0.3]), np.array([0.0, -150.0, 0.0]))
         goal = default_goal(ball.spin, self.goal_params)
         BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)  # loads its kernel
@@ -89,8 +91,8 @@ class RacketNode(Node):
         """Find the strokes and publish them."""
         try:
             path = path_from_message(message)
-            goal = self.goal or default_goal(path.spins[0], self.goal_params)
-            found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors)
+            goal = self.ball.follow(path, self.goal_params, self.goal)
+            found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors, bounced=self.ball.bounced)
             rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
             self.strokes.publish(strokes_to_message(rackets, path.times[0]))
         except TtError as error:

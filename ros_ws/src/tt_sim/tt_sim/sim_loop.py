@@ -11,7 +11,7 @@ import numpy as np
 from tt_arm.joints import Joints
 from tt_core.states import Array, BallState
 
-from .cameras.tracking_cameras import TrackingCameras
+from .cameras.tracking_cameras import TrackingCameraPair, TrackingCameras
 from .frame_schedule import FrameSchedule
 from .launch_store import LaunchStore, ReadyLaunch
 from .pace import Pace
@@ -138,7 +138,9 @@ class SimLoop:
         self._robot = SimulatedRobot(world.physics, self._plant, Joints(start, model.waiting, np.zeros(len(model.names))), params.tick)
         self._encoder_noise = np.random.default_rng(params.seed + 1)  # another generator than that of the launches
         wide_noise = np.random.default_rng(params.seed + 2)
-        self._tracking = TrackingCameras(world.tracking_cameras, world.physics.air.coefficients, start, wide_noise)
+        self._tracking = TrackingCameras(
+            TrackingCameraPair(world.tracking_cameras, wide_noise), world.physics.air.coefficients, start, wide_noise
+        )
         self._pixels = deque[tuple[float, int, float, Array]](maxlen=MOST_LATE)  # on their way: when due (s), camera, stamp (s), pixel
         self._frames = FrameSchedule(self._dark, start)
         self._record, self._record_reported = ArmRecord(model, self._robot.joints), -np.inf

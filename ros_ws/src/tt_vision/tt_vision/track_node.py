@@ -22,14 +22,13 @@ from tt_core.ros.refusals import Refusals
 
 from .camera import Camera
 from .camera_pose import CameraPose
-from .rig import WIDE_SIDES, wide_pair
+from .rig import WIDE_BIAS, WIDE_NOISE, WIDE_SIDES, wide_pair
 from .tracking import Tracker, TrackerParams
 from .warm import warm_tracker
 
 LARGEST_PIXEL = 1024  # bytes: one has 60
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
 LARGEST_STATE = 4096  # bytes: a state has 730
-BIAS = 0.2  # pixels: cameras turned by 2e-4 rad since they were calibrated are 0.23 pixels off
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class TrackParams:
     """What is known about the pixels."""
 
     pixel_noise: float = param(
-        0.15, "pixels", "standard deviation of each pixel coordinate of the ball; of a centroid of 7 pixels 0.1", low=1e-3, high=100.0
+        WIDE_NOISE, "pixels", "standard deviation of each pixel coordinate of the ball; of a centroid of 7 pixels 0.1", low=1e-3, high=100.0
     )
 
     def __post_init__(self) -> None:
@@ -55,7 +54,7 @@ class TrackNode(Node):
         """Declare parameters, compile the kernels, then subscribe."""
         super().__init__("track")
         self.noise = declare(self, TrackParams).pixel_noise
-        self.params = declare(self, TrackerParams(camera_bias=BIAS))
+        self.params = declare(self, TrackerParams(camera_bias=WIDE_BIAS))
         self.physics = declare_physics(self)
         self.cameras: list[Camera] = list(wide_pair())
         self.poses = [declare(self, CameraPose.of(c), f"{name}.") for name, c in zip(WIDE_SIDES, self.cameras, strict=True)]

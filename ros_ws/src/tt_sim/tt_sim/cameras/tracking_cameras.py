@@ -106,16 +106,16 @@ class TrackingCameraPair:
 class TrackingCameras:
     """The pair in a running world, frame by frame."""
 
-    def __init__(self, faults: TrackingCameraFaults, air: Array, start: float, rng: np.random.Generator) -> None:
+    def __init__(self, pair: TrackingCameraPair, air: Array, start: float, rng: np.random.Generator) -> None:
         """Begin with the first frame.
 
         Args:
-            faults: Of the pair.
+            pair: The cameras.
             air: Coefficients of the air; those of all balls are good enough for a part of a tick.
             start: s, of the first frame.
-            rng: Of the rotations, the noise and the losses.
+            rng: Of the noise and the losses.
         """
-        self._pair, self._air, self._rng, self._due = TrackingCameraPair(faults, rng), air, rng, start
+        self._pair, self._air, self._rng, self._due = pair, air, rng, start
 
     def frames(self, tick: Tick, wanted: bool = True) -> list[tuple[float, int, Array]]:
         """Return what the pair sees during a tick.

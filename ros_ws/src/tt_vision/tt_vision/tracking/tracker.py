@@ -12,9 +12,10 @@ from tt_core.arrays import POSITION, SPIN, VELOCITY
 from tt_core.constants import BALL_RADIUS, FLOOR_Z
 from tt_core.errors import BadChoice, TtError, check_array, check_range
 from tt_core.events import FARTHEST, FASTEST, LONGEST
+from tt_core.factors import scaled
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
-from tt_core.tangents import DRAG, FRICTION, GRIP, LIFT, PARAMETERS, RESTITUTION
+from tt_core.tangents import DRAG, PARAMETERS
 
 from ..camera import Camera
 from . import cold_start
@@ -208,26 +209,7 @@ class Tracker:
         self._update()
         if self._track is None or not self._known:
             return self._models
-        factors = np.exp(self._track.unknowns[:PARAMETERS])
-        air, table = self._models.air, self._models.table
-        drag, lift = float(factors[DRAG]), float(factors[LIFT])
-        return replace(
-            self._models,
-            air=replace(
-                air,
-                drag=air.drag * drag,
-                drag_h=air.drag_h * drag,
-                lift=air.lift * lift,
-                lift_h=air.lift_h * lift,
-                lift_ratio=air.lift_ratio * lift,
-            ),
-            table=replace(
-                table,
-                restitution=min(1.0, table.restitution * float(factors[RESTITUTION])),
-                friction=min(2.0, table.friction * float(factors[FRICTION])),
-                grip=min(2.0, table.grip * float(factors[GRIP])),
-            ),
-        )
+        return scaled(self._models, self._track.unknowns[DRAG:PARAMETERS])
 
     @property
     def factors(self) -> tuple[Array, Array] | None:

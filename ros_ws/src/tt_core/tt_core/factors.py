@@ -1,0 +1,55 @@
+"""Factors on the coefficients of air, table and rubber: how balls, tables and rubbers differ from their models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .arrays import Array
+from .physics import Physics
+
+FACTORS = ("drag", "lift", "restitution", "friction", "grip", "rubber_restitution", "rubber_grip")
+OF_BALL = 5  # the first ones, which a flight with a bounce on the table shows; the others need the racket
+MOST_TANGENTIAL = 0.79  # above 0.8 a shell would come back from the rubber faster than it slipped
+MOST_OF_TABLE = 2.0  # friction and grip, upper ends of their ranges
+
+
+def scaled(physics: Physics, logarithms: Sequence[float] | Array) -> Physics:
+    """Return the models with factors on their coefficients, cut where a surface would give energy to the ball.
+
+    Args:
+        physics: The models.
+        logarithms: Of the factors, in the order of FACTORS; those at the end may be missing.
+    """
+    drag, lift, restitution, friction, grip, bounce, rubber = (
+        math.exp(float(value)) for value in (*logarithms, *(len(FACTORS) - len(logarithms)) * (0.0,))
+    )
+    air, table, racket = physics.air, physics.table, physics.racket
+    bounce = min(bounce, 1.0 / racket.restitution)
+    rubber = min(rubber, MOST_TANGENTIAL / racket.tangential)
+    return replace(
+        physics,
+        air=replace(
+            air,
+            drag=air.drag * drag,
+            drag_h=air.drag_h * drag,
+            lift=air.lift * lift,
+            lift_h=air.lift_h * lift,
+            lift_ratio=air.lift_ratio * lift,
+        ),
+        table=replace(
+            table,
+            restitution=min(1.0, table.restitution * restitution),
+            friction=min(MOST_OF_TABLE, table.friction * friction),
+            grip=min(MOST_OF_TABLE, table.grip * grip),
+        ),
+        racket=replace(
+            racket,
+            restitution=racket.restitution * bounce,
+            restitution_least=racket.restitution_least * bounce,
+            tangential=racket.tangential * rubber,
+            tangential_least=racket.tangential_least * rubber,
+            rotational=racket.rotational * rubber,
+        ),
+    )

@@ -1,0 +1,227 @@
+"""Coefficients that are learnt from ball to ball, from flights and from returns.
+
+What is learnt are the logarithms of the factors of `tt_core.factors`, one normal distribution of all seven (Kalman filter). A flight tells
+the first five: the tracker has them with every ball. A return tells those of the rubber: the ball after the racket is expected from the
+ball before it and the racket, and compared with what the cameras see of the return. Each ball differs from its session, so none is trusted
+too far; an observation that does not fit is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from tt_core.arrays import POSITION, SPIN, VELOCITY, Array
+from tt_core.errors import BadShape, check_array
+from tt_core.factors import FACTORS, OF_BALL, scaled
+from tt_core.params import check, param
+from tt_core.physics import Physics
+from tt_core.states import BallState, RacketState
+
+OF_RUBBER = slice(OF_BALL, len(FACTORS))
+STEPS = np.concatenate([np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)])  # differences of ball and racket, SI
+FACTOR_STEP = 1e-4  # difference of the logarithm of a factor
+SLOWEST = 0.5  # m/s, of ball and racket towards each other: below it there is no stroke
+
+
+@dataclass(frozen=True)
+class LearningParams:
+    """How coefficients differ, and how fast and how far they are learnt."""
+
+    session_spreads: tuple[float, ...] = param(
+        (0.04, 0.10, 0.01, 0.05, 0.08, 0.03, 0.04),
+        "",
+        "standard deviations, from session to session, of the factors on drag, lift, restitution, friction and grip of the table, "
+        "restitution and grip of the rubber",
+    )
+    ball_spreads: tuple[float, ...] = param(
+        (0.008, 0.02, 0.002, 0.01, 0.016, 0.006, 0.008), "", "the same from ball to ball in a session, in the order of session_spreads"
+    )
+    drift: float = param(
+        0.02, "", "standard deviation of the change from one ball to the next, as a share of session_spreads", low=0.0, high=1.0
+    )
+    farthest: float = param(3.0, "", "largest change that is learnt, as a multiple of session_spreads", low=0.0, high=10.0)
+    gate: float = param(
+        20.0,
+        "",
+        "squared distance of an observation from its expectation, in standard deviations, above which it is left out",
+        low=1.0,
+        high=1e6,
+    )
+    racket_velocity: float = param(0.01, "m/s", "standard deviation of the known velocity of the racket, on each axis", low=1e-4, high=1.0)
+    racket_angle: float = param(
+        0.002, "rad", "standard deviation of the known face of the racket, about each of its axes", low=1e-5, high=0.1
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+        for name in ("session_spreads", "ball_spreads"):
+            values = getattr(self, name)
+            if len(values) != len(FACTORS):
+                raise BadShape(name, (len(values),), (len(FACTORS),))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpectedReturn:
+    """The ball as it should come from the racket.
+
+    Attributes:
+        ball: Just after the contact, carried back to the time of the racket, with the covariance of all that is uncertain.
+        slopes: (9, 2) derivatives of it by the logarithms of the factors of the rubber.
+    """
+
+    ball: BallState
+    slopes: Array
+
+
+class PhysicsLearner:
+    """What is known about the coefficients after some balls."""
+
+    def __init__(self, physics: Physics, params: LearningParams | None = None) -> None:
+        """Begin with the models, as uncertain as from session to session.
+
+        Args:
+            physics: The models.
+            params: How fast and how far to learn.
+        """
+        self.params, self._models = params or LearningParams(), physics
+        self._session, self._ball = np.array(self.params.session_spreads), np.array(self.params.ball_spreads)
+        self._mean, self._covariance = np.zeros(len(FACTORS)), np.diag(self._session**2)
+
+    @property
+    def logarithms(self) -> Array:
+        """Logarithms (7,) of the factors that were learnt, in the order of FACTORS."""
+        return self._mean.copy()
+
+    @property
+    def physics(self) -> Physics:
+        """The models with what was learnt."""
+        return scaled(self._models, self._mean)
+
+    @property
+    def spreads(self) -> Array:
+        """Standard deviations (7,) of the logarithms for the next ball about what was learnt."""
+        return np.asarray(np.sqrt(np.diag(self._covariance) + self._ball**2))
+
+    def add_flight(self, logarithms: Array, covariance: Array) -> bool:
+        """Learn from a flight that was tracked with `physics` and `spreads`.
+
+        Args:
+            logarithms: (5,) of the factors that the tracker found for this ball beside those learnt, see `Tracker.factors`.
+            covariance: (5, 5) of them.
+
+        Returns:
+            Whether it was used.
+
+        Raises:
+            BadShape: An array has another shape.
+            NotFinite: A number is NaN or infinite.
+        """
+        found = check_array("logarithms", logarithms, (OF_BALL,))
+        posterior = check_array("covariance", covariance, (OF_BALL, OF_BALL))
+        before = np.diag(self.spreads[:OF_BALL] ** 2)
+        return self._learn(self._covariance[:, :OF_BALL] @ np.linalg.inv(before), before, found, posterior)
+
+    def expect_return(self, ball: BallState, racket: RacketState, turning: Array) -> ExpectedReturn | None:
+        """Return the ball as it should come from the racket.
+
+        Args:
+            ball: Before the contact, with covariance, at the time of `racket`, close to the contact.
+            racket: As it was measured.
+            turning: (3,) rad/s, angular velocity of the racket.
+
+        Returns:
+            The ball, or None if ball and racket do not meet.
+        """
+        if ball.covariance is None:
+            return None
+        physics = self.physics
+
+        def after(change: Array, rubber: Array) -> Array | None:
+            """Return the ball (9,) for changes of ball and racket (14,) and of the logarithms (2,) of the rubber's factors."""
+            changed = RacketState(
+                racket.time, racket.position, racket.velocity + change[9:12], racket.alpha + change[12], racket.beta + change[13]
+            )
+            rubbered = scaled(physics, [*np.zeros(OF_BALL), *rubber]) if rubber.any() else physics
+            return _rebounded(ball.vector + change[:9], changed, turning, rubbered)
+
+        middle = after(np.zeros(14), np.zeros(2))
+        if middle is None:
+            return None
+        columns = []
+        for i in range(16):
+            ends = []
+            for sign in (-1.0, 1.0):
+                change = np.zeros(16)
+                change[i] = sign * (STEPS[i] if i < 14 else FACTOR_STEP)
+                ends.append(after(change[:14], change[14:]))
+            if ends[0] is None or ends[1] is None:
+                return None
+            columns.append((ends[1] - ends[0]) / (2.0 * (STEPS[i] if i < 14 else FACTOR_STEP)))
+        jacobian = np.array(columns).T
+        spread = np.zeros((16, 16))
+        spread[:9, :9] = ball.covariance
+        spread[9:12, 9:12] = np.eye(3) * self.params.racket_velocity**2
+        spread[12:14, 12:14] = np.eye(2) * self.params.racket_angle**2
+        spread[14:, 14:] = self._covariance[OF_RUBBER, OF_RUBBER] + np.diag(self._ball[OF_RUBBER] ** 2)
+        return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ spread @ jacobian.T), jacobian[:, 14:])
+
+    def add_return(self, expected: ExpectedReturn, seen: BallState) -> bool:
+        """Learn from a return.
+
+        Args:
+            expected: What came of `expect_return`.
+            seen: The ball at the same time, of a tracker that was started with `expected.ball` and has followed the return.
+
+        Returns:
+            Whether it was used.
+        """
+        if seen.covariance is None or expected.ball.covariance is None:
+            return False
+        before = expected.ball.covariance
+        scale = np.sqrt(np.diag(before))
+        inverse = np.linalg.pinv(before / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
+        return self._learn(
+            self._covariance[:, OF_RUBBER] @ expected.slopes.T @ inverse, before, seen.vector - expected.ball.vector, seen.covariance
+        )
+
+    def _learn(self, gain: Array, before: Array, change: Array, after: Array) -> bool:
+        """Take over what a tracker has found out about something that depends on the factors (smoothing of Rauch, Tung and Striebel).
+
+        Args:
+            gain: (7, n) of the factors by it.
+            before: (n, n) covariance before the measurements.
+            change: (n,) of its mean by the measurements.
+            after: (n, n) covariance after them.
+
+        Returns:
+            Whether it was used.
+        """
+        step, gained = gain @ change, gain @ (before - after) @ gain.T
+        expected = np.diag(gained)
+        told = expected > 1e-4 * self._session**2  # of the others nothing is learnt
+        if (step[told] ** 2 > self.params.gate * expected[told]).any():
+            return False
+        covariance = self._covariance - gained + np.diag((self.params.drift * self._session) ** 2)
+        values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        self._covariance = axes * np.maximum(values, 1e-10) @ axes.T
+        most = self.params.farthest * self._session
+        self._mean = np.clip(self._mean + step, -most, most)
+        return True
+
+
+def _rebounded(ball: Array, racket: RacketState, turning: Array, physics: Physics) -> Array | None:
+    """Return the ball (9,) after the racket, carried straight on to the contact and back; None if they do not meet."""
+    normal = racket.normal
+    offset, towards = ball[POSITION] - racket.position, ball[VELOCITY] - racket.velocity
+    if towards @ normal > 0.0:
+        normal = -normal
+    closing = float(towards @ normal)
+    if closing > -SLOWEST:
+        return None
+    time = (physics.contact_height - float(offset @ normal)) / closing  # s until the contact
+    point = offset + time * towards - physics.contact_height * normal
+    moving = replace(racket, velocity=racket.velocity + np.cross(turning, point))
+    velocity, spin = physics.racket.after(ball[VELOCITY], ball[SPIN], moving)
+    return np.concatenate([ball[POSITION] + time * (ball[VELOCITY] - velocity), velocity, spin])

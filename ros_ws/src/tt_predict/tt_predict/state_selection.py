@@ -1,0 +1,63 @@
+"""Which states of a followed ball are worth a path: not each, and not before the spin is roughly known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from tt_core.arrays import SPIN
+from tt_core.params import check, param
+from tt_core.states import BallState
+
+BACK = 0.3  # m, by which another ball is at least farther away than the last one was
+GAP = 0.5  # s without a state, after which it is another ball
+
+
+@dataclass(frozen=True)
+class StateSelectionParams:
+    """Which states are predicted."""
+
+    interval: float = param(
+        0.0, "s", "least time between two states that are predicted; a tracker sends more than the nodes behind can use", low=0.0, high=1.0
+    )
+    known_spin: float = param(
+        100.0,
+        "rad/s",
+        "standard deviation of the spin about any axis below which a state is predicted at once; 394 before anything is seen, which is "
+        "30 cm at the strike",
+        low=0.0,
+        high=1e4,
+    )
+    patience: float = param(
+        0.12, "s", "time since the first state of a ball after which one is predicted although its spin is not known", low=0.0, high=10.0
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+
+class StateSelection:
+    """Select states of one ball after the other."""
+
+    def __init__(self, params: StateSelectionParams) -> None:
+        """Begin without a ball."""
+        self._params = params
+        self._first = self._last = self._predicted = -math.inf  # s: of the first, last, and last predicted state
+        self._x = -math.inf  # m, where the ball was last
+
+    def takes(self, ball: BallState) -> bool:
+        """Return whether a path is to be predicted from this state; those of one ball come in order of time."""
+        params, x = self._params, float(ball.position[0])
+        if x > self._x + BACK or not self._last <= ball.time <= self._last + GAP:
+            self._first, self._predicted = ball.time, -math.inf
+        self._last, self._x = ball.time, x
+        is_new = ball.time - self._predicted >= params.interval
+        if not is_new or not (self._knows_spin(ball) or ball.time >= self._first + params.patience):
+            return False
+        self._predicted = ball.time
+        return True
+
+    def _knows_spin(self, ball: BallState) -> bool:
+        return ball.covariance is None or float(np.diag(ball.covariance)[SPIN].max()) < self._params.known_spin**2
