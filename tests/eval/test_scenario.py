@@ -18,6 +18,7 @@ from tt_sim.world.launcher import KINDS
 from tt_sim.world.plant import PlantParams
 from tt_sim.world_file import WORLDS
 
+FAILURES = {"late", "outliers", "outlier_distance", "dead"}  # that no profile has; `scripts/bench feedback` plays them
 PROFILES = {"ideal", "liu", "real", "harsh"}
 
 
@@ -42,7 +43,7 @@ def test_every_profile_names_every_fault():
     for name in PROFILES:
         content = yaml.safe_load((WORLDS / f"{name}.yaml").read_text())
         for part, kind in kinds.items():
-            assert set(content[part]) == {field.name for field in fields(kind)}, (name, part)
+            assert set(content[part]) == {field.name for field in fields(kind)} - FAILURES, (name, part)
             if name in ("real", "harsh"):
                 assert all(value > 0.0 for value in content[part].values()), (name, part)
 

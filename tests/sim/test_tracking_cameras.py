@@ -1,6 +1,7 @@
 """The wide cameras see the table and tell noisy pixels of the ball."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,14 @@ def test_faults_do_what_they_say():
     assert lost.mean() == pytest.approx(0.1, abs=0.017)  # 5 standard deviations of 8,000 draws
     off = (seen - true)[~lost]
     assert off.std() == pytest.approx(np.hypot(0.2, 0.25 / 12**0.5), rel=0.04)  # 5 of 14,400
+    wrong = TrackingCameraPair(replace(PERFECT, outliers=0.1, dead=1), rng).pixels(at, rng)
+    assert np.isnan(wrong[1]).all()
+    aside = np.linalg.norm(wrong[0] - true[0], axis=1)
+    assert (aside > 1e-6).mean() == pytest.approx(0.1, abs=0.024)  # 5 standard deviations of 4,000 draws
+    assert 0.2 / 0.006 > aside.max() > 20.0  # pixels; a pixel shows 6 mm at least
+    pair = TrackingCameraPair(replace(PERFECT, latency=0.01, late=0.02), rng)
+    delays = [pair.delay(rng) for _ in range(500)]
+    assert 0.01 <= min(delays) < 0.011 and 0.029 < max(delays) <= 0.03
     assert np.round(seen[~lost] / 0.25) * 0.25 == pytest.approx(seen[~lost], abs=1e-12)
     turned = np.array(
         [TrackingCameraPair(TrackingCameraFaults(noise=0.0, step=0.0, turned=1e-3), rng).pixels(at[:1], rng) - true for _ in range(400)]

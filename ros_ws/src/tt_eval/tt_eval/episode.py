@@ -54,7 +54,7 @@ from . import rallies
 from .arm_loop import arm_ticks
 from .failures import Causes, EpisodeFailure
 from .fast_swing import Setup, rally
-from .feedback import Follower
+from .feedback import Answer, Follower
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
@@ -156,7 +156,7 @@ class Episode:
         candidates: Strokes.
         selection: What the arm made of them.
         joints: (n, 1 + 2 joints) time (s), q (rad or m) and qdot of every tick; at a rate, from the ball's launch on.
-        states: Of the ball until the strike, that path and strokes have followed; empty without feedback.
+        answers: States of the ball until the strike, with path and strokes that followed from them; empty without feedback.
     """
 
     trial: Trial
@@ -168,7 +168,7 @@ class Episode:
     candidates: Candidates | None
     selection: StrokeSelection | None
     joints: Array
-    states: tuple[BallState, ...] = ()
+    answers: tuple[Answer, ...] = ()
 
     @functools.cached_property
     def sightings(self) -> Sightings:
@@ -188,7 +188,7 @@ class Episode:
         """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
         if self.outcome.result is Result.RETURNED:
             return None
-        if self.measured is None and not self.states:
+        if self.measured is None and not self.answers:
             refused = self.measurement.reason if self.measurement else None
             return Failure(EpisodeFailure.MEASUREMENT_REFUSED, cause=refused) if refused else Failure(EpisodeFailure.NOT_SEEN)
         if self.candidates is None or not self.candidates.strokes:
@@ -213,7 +213,7 @@ class Episode:
         """Return the kind of failure of this episode if the ball had that outcome."""
         if outcome.result is Result.RETURNED:
             return None
-        if self.measured is None and not self.states:
+        if self.measured is None and not self.answers:
             return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
         if self.candidates is None or not self.candidates.strokes:
             codes = [failure.code for _, failure in self.candidates.refused] if self.candidates else []
@@ -383,9 +383,9 @@ def _plant(scenario: Scenario) -> Plant:
 
 
 def _episode(
-    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, states: tuple[BallState, ...] = ()
+    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, answers: tuple[Answer, ...] = ()
 ) -> Episode:
-    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints, states)
+    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints, answers)
 
 
 Played = tuple[Outcome, "StrokeSelection | None", Array]
@@ -450,7 +450,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearne
     rows = np.array(record)
     starts = np.searchsorted(rows[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
     return [
-        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)], eyes.states[i] if eyes is not None else ())
+        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)], eyes.answers[i] if eyes is not None else ())
         for i, (trial, plan, outcome) in enumerate(zip(trials, plans, outcomes, strict=True))
     ]
 
@@ -461,7 +461,7 @@ class FollowedSession:
     Attributes:
         plans: For each ball; what the arm has made a swing for last, or been given last.
         choices: What the arm has made of it, by ball.
-        states: That strokes were derived from, for each ball.
+        answers: See `Episode`, for each ball.
     """
 
     def __init__(self, trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, control: ArmControl) -> None:
@@ -475,7 +475,7 @@ class FollowedSession:
         self._follower = Follower(scenario, learner)
         self._ball, self._struck = -1, False
         self.plans, self.choices = list(plans), dict[int, StrokeSelection]()
-        self.states = list[tuple[BallState, ...]]([()] * len(trials))
+        self.answers = list[tuple[Answer, ...]]([()] * len(trials))
 
     def next_ball(self) -> None:
         """Follow the ball that is launched now."""
@@ -509,8 +509,8 @@ class FollowedSession:
             self._follower.strike(RacketState.facing(joints.time, position, velocity, rotation[:, 2]), turning)
 
     def finish(self) -> None:
-        """Learn from the ball that was followed last, and keep its states."""
-        self.states[self._ball] = tuple(self._follower.states)
+        """Learn from the ball that was followed last, and keep its answers."""
+        self.answers[self._ball] = tuple(self._follower.answers)
         self._follower.finish()
 
 

@@ -21,6 +21,7 @@ from tt_predict.rollout import StopRule, rollout
 from tt_predict.state_selection import StateSelection, StateSelectionParams
 from tt_racket.followed_ball import FollowedBall
 from tt_racket.intercept import Candidates, intercept
+from tt_sim.cameras.tracking_cameras import TrackedPixel
 from tt_vision.camera import Camera
 from tt_vision.rig import WIDE_BIAS, WIDE_NOISE, wide_pair
 from tt_vision.tracking import Tracker, TrackerParams
@@ -65,7 +66,7 @@ class Follower:
     """The robot's view of one ball from the first pixel to the end of its return.
 
     Attributes:
-        states: Of the ball before the strike, as far as strokes were derived from them.
+        answers: What was derived from states of the ball before the strike, in order of time.
     """
 
     def __init__(self, scenario: Scenario, learner: PhysicsLearner) -> None:
@@ -83,14 +84,14 @@ class Follower:
             self._params = replace(self._params, spin_spread=KNOWN_SPIN, spin_weight=1e6)
         self._tracker = Tracker(learner.physics, _cameras(), self._params)
         self._ball = FollowedBall()
-        self._inbox, self._order = list[tuple[float, int, BallState | tuple[float, int, Array]]](), count()
+        self._inbox, self._order = list[tuple[float, int, BallState | TrackedPixel]](), count()
         self._answer: Answer | None = None
         self._selection = StateSelection(StateSelectionParams(interval=scenario.robot.interval))
         self._newest = self._predicted = -np.inf  # s: stamp of the newest pixel, and time of the last state that was predicted
         self._struck = -np.inf  # s, of the strike
         self._return: tuple[ExpectedReturn, Tracker] | None = None
         self._flight: tuple[Array, Array] | None = None  # logarithms of the factors of this ball and their covariance
-        self.states = list[BallState]()
+        self.answers = list[Answer]()
 
     def measure(self, ball: BallState, arrival: float) -> None:
         """Take the ball that the fast cameras have measured, which arrives at a time (s)."""
@@ -101,11 +102,10 @@ class Follower:
             ball = BallState(ball.time, ball.position, ball.velocity, np.zeros(3), covariance)
         heappush(self._inbox, (arrival, next(self._order), ball))
 
-    def see(self, frames: list[tuple[float, int, Array]]) -> None:
-        """Take stamp (s), camera and pixel (2,) of frames, which arrive after the latency of the cameras."""
-        latency = self._scenario.world.tracking_cameras.latency
-        for frame in frames:
-            heappush(self._inbox, (frame[0] + latency, next(self._order), frame))
+    def see(self, pixels: list[TrackedPixel]) -> None:
+        """Take pixels, each of which arrives at its time."""
+        for one in pixels:
+            heappush(self._inbox, (one.arrival, next(self._order), one))
 
     def answer(self, now: float) -> Answer | None:
         """Return the strokes that come to the arm at a time (s), since the last call; None without new ones."""
@@ -115,12 +115,12 @@ class Follower:
             if isinstance(item, BallState):
                 self._tracker.start(item)
                 news = True
-            elif item[0] < self._struck - JUST_HIT or self._struck == -np.inf:
-                self._tracker.add_pixel(*item, WIDE_NOISE)
-                self._newest = max(self._newest, item[0])
+            elif item.stamp < self._struck - JUST_HIT or self._struck == -np.inf:
+                self._tracker.add_pixel(item.stamp, item.side, item.pixel, WIDE_NOISE)
+                self._newest = max(self._newest, item.stamp)
                 news = news or self._newest >= self._predicted + self._scenario.robot.interval
-            elif self._return is not None and self._struck + JUST_HIT < item[0] < self._struck + RETURN_SEEN:
-                self._return[1].add_pixel(*item, WIDE_NOISE)
+            elif self._return is not None and self._struck + JUST_HIT < item.stamp < self._struck + RETURN_SEEN:
+                self._return[1].add_pixel(item.stamp, item.side, item.pixel, WIDE_NOISE)
         if news and self._struck == -np.inf:
             self._predict(now)
         if self._answer is None or self._answer.due > now:
@@ -179,8 +179,8 @@ class Follower:
         except TtError:  # a first estimate may be no ball that can fly there
             return
         self._predicted = ball.time
-        self.states.append(ball)
         self._answer = Answer(ball, path, goal, candidates, now + robot.reaction)
+        self.answers.append(self._answer)
 
     def _strokes(self, path: BallPath, goal: ReturnGoal, physics: Physics) -> Candidates:
         return intercept(path, goal, physics, self._scenario.robot.intercept, bounced=self._ball.bounced)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from itertools import count
 from typing import Any, Protocol
 
 import numpy as np
 from tt_arm.joints import Joints
 from tt_core.states import Array, BallState
 
-from .cameras.tracking_cameras import TrackingCameraPair, TrackingCameras
+from .cameras.tracking_cameras import TrackedPixel, TrackingCameraPair, TrackingCameras
 from .frame_schedule import FrameSchedule
 from .launch_store import LaunchStore, ReadyLaunch
 from .pace import Pace
@@ -28,7 +29,6 @@ HOLD = 0.005  # s between two looks whether simulated time goes on
 ROUNDING = 1e-6  # s; a time of today is known to 2.4e-7
 RECORD = 1.0  # s between two reports about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
-MOST_LATE = 1000  # pixels of the wide cameras on their way, 3 s of both
 
 
 class Outputs(Protocol):
@@ -141,7 +141,7 @@ class SimLoop:
         self._tracking = TrackingCameras(
             TrackingCameraPair(world.tracking_cameras, wide_noise), world.physics.air.coefficients, start, wide_noise
         )
-        self._pixels = deque[tuple[float, int, float, Array]](maxlen=MOST_LATE)  # on their way: when due (s), camera, stamp (s), pixel
+        self._pixels, self._seen = list[tuple[float, int, TrackedPixel]](), count()  # a heap of those on their way, by arrival (s)
         self._frames = FrameSchedule(self._dark, start)
         self._record, self._record_reported = ArmRecord(model, self._robot.joints), -np.inf
         self._flying, self._launch_time = dict[float, ReadyLaunch](), -np.inf  # by the time of launch
@@ -196,9 +196,8 @@ class SimLoop:
             outputs.report_end(self._flying.pop(outcome.launched.time), outcome)
 
     def _publish_pixels(self, tick: Tick) -> None:
-        latency, pixels = self._world.tracking_cameras.latency, self._pixels
-        for stamp, side, pixel in self._tracking.frames(tick, self._outputs.wants_pixels()):
-            pixels.append((stamp + latency, side, stamp, pixel))
-        while pixels and pixels[0][0] <= tick.joints.time:
-            _, side, stamp, pixel = pixels.popleft()
-            self._outputs.publish_pixel(side, stamp, pixel)
+        for seen in self._tracking.frames(tick, self._outputs.wants_pixels()):
+            heappush(self._pixels, (seen.arrival, next(self._seen), seen))
+        while self._pixels and self._pixels[0][0] <= tick.joints.time:
+            _, _, seen = heappop(self._pixels)
+            self._outputs.publish_pixel(seen.side, seen.stamp, seen.pixel)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,7 +37,11 @@ class TrackingCameraFaults:
         0.0, "rad", "standard deviation of the rotation of each camera about each of its axes since it was calibrated", low=0.0, high=0.1
     )
     dropped: float = param(0.0, "", "share of pixel coordinates that never arrive", low=0.0, high=1.0)
-    latency: float = param(0.0, "s", "time from the middle of the exposure to the message of the simulator node", low=0.0, high=1.0)
+    latency: float = param(0.0, "s", "time from the middle of the exposure to the arrival of the pixel", low=0.0, high=1.0)
+    late: float = param(0.0, "s", "largest further delay of a pixel on its way, all delays equally likely", low=0.0, high=1.0)
+    outliers: float = param(0.0, "", "share of pixels that show something else, `outlier_distance` from the ball", low=0.0, high=1.0)
+    outlier_distance: float = param(0.2, "m", "distance of that from the ball, in any direction", low=0.0, high=10.0)
+    dead: int = param(0, "", "cameras that see nothing: 1 the right one, 2 both", low=0, high=2)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -98,9 +103,28 @@ class TrackingCameraPair:
         faults, n = self.faults, len(places)
         seen = faults.noise * rng.standard_normal((2, n, 2))
         dropped = rng.uniform(size=(2, n)) < faults.dropped
+        dropped[2 - faults.dead :] = True
         for camera, scatter, lost in zip(self.cameras, seen, dropped, strict=True):
-            _tell(camera.vector, camera.width, camera.height, places, lost, faults.step, scatter)
+            shown = places
+            if faults.outliers > 0.0:
+                aside = rng.standard_normal((n, 3))
+                aside *= faults.outlier_distance / np.linalg.norm(aside, axis=1, keepdims=True)
+                shown = places + np.where(rng.uniform(size=(n, 1)) < faults.outliers, aside, 0.0)
+            _tell(camera.vector, camera.width, camera.height, shown, lost, faults.step, scatter)
         return seen
+
+    def delay(self, rng: np.random.Generator) -> float:
+        """Return the time (s) from the middle of an exposure to the arrival of its pixel; rng: of how late it is."""
+        return self.faults.latency + (rng.uniform(0.0, self.faults.late) if self.faults.late > 0.0 else 0.0)
+
+
+class TrackedPixel(NamedTuple):
+    """The pixel of the ball in one frame of one camera."""
+
+    arrival: float  # s
+    stamp: float  # s, middle of the exposure
+    side: int  # 0 left, 1 right
+    pixel: Array  # (2,)
 
 
 class TrackingCameras:
@@ -117,23 +141,22 @@ class TrackingCameras:
         """
         self._pair, self._air, self._rng, self._due = pair, air, rng, start
 
-    def frames(self, tick: Tick, wanted: bool = True) -> list[tuple[float, int, Array]]:
-        """Return what the pair sees during a tick.
+    def frames(self, tick: Tick, wanted: bool = True) -> list[TrackedPixel]:
+        """Return what the pair sees during a tick, for each frame of each camera that sees the ball.
 
         Args:
             tick: What was true.
             wanted: Whether anybody listens; without, frames pass and nothing is computed.
-
-        Returns:
-            Stamp (s), camera (0 left, 1 right) and pixel (2,) of each frame of each camera that sees the ball.
         """
-        seen = []
+        seen = list[TrackedPixel]()
         while self._due <= tick.joints.time:
             then = next((contact.before for contact in tick.contacts if contact.before.time >= self._due), tick.ball)
             if wanted and then is not None:
                 place = fly(then.vector, self._due - then.time, self._air)[None, :3]
                 pixels = self._pair.pixels(place, self._rng)[:, 0]
-                seen += [(self._due, side, pixel) for side, pixel in enumerate(pixels) if np.isfinite(pixel).all()]
+                for side, pixel in enumerate(pixels):
+                    if np.isfinite(pixel).all():
+                        seen.append(TrackedPixel(self._due + self._pair.delay(self._rng), self._due, side, pixel))
             self._due += 1.0 / WIDE_RATE
         return seen
 
