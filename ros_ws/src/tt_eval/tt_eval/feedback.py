@@ -23,7 +23,7 @@ from tt_racket.followed_ball import FollowedBall
 from tt_racket.intercept import Candidates, intercept
 from tt_sim.cameras.tracking_cameras import TrackedPixel
 from tt_vision.camera import Camera
-from tt_vision.rig import WIDE_BIAS, WIDE_NOISE, wide_pair
+from tt_vision.rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_NOISE, wide_pair
 from tt_vision.tracking import Tracker, TrackerParams
 
 from .scenario import Scenario
@@ -77,7 +77,7 @@ class Follower:
             learner: What the robot knows of the coefficients; learns if the robot does.
         """
         self._scenario, self._learner = scenario, learner
-        self._params = TrackerParams(camera_bias=WIDE_BIAS)
+        self._params = TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD)
         if scenario.robot.learning:
             self._params = replace(self._params, **_factor_spreads(learner.spreads))
         if scenario.robot.spin == "ignored":

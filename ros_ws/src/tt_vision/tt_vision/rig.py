@@ -21,6 +21,7 @@ ELEVATION = math.radians(20.0)  # rad, elevation of the plane of the two lines o
 
 WIDE_RATE = 150.0  # 1/s, dissertation Table A.7
 WIDE_NOISE = 0.15  # pixels, standard deviation of each coordinate of the ball; of a centroid of 7 pixels 0.1
+CLOCK_SPREAD = 3e-4  # s, by which the clocks of the two pairs differ; 0.2 ms are 1 mm of a ball
 WIDE_BIAS = 0.2  # pixels, error that lasts: cameras turned by 2e-4 rad since they were calibrated are 0.23 pixels off
 WIDE_CENTRE = (1.28, 0.7625, 0.2)  # m, in the middle of their images
 WIDE_DISTANCE = 7.0  # m from there, as far as it takes to see from 0.4 m behind the robot's end to as far behind the other: 6 mm a pixel

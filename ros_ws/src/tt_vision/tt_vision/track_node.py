@@ -22,7 +22,7 @@ from tt_core.ros.refusals import Refusals
 
 from .camera import Camera
 from .camera_pose import CameraPose
-from .rig import WIDE_BIAS, WIDE_NOISE, WIDE_SIDES, wide_pair
+from .rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_NOISE, WIDE_SIDES, wide_pair
 from .tracking import Tracker, TrackerParams
 from .warm import warm_tracker
 
@@ -54,7 +54,7 @@ class TrackNode(Node):
         """Declare parameters, compile the kernels, then subscribe."""
         super().__init__("track")
         self.noise = declare(self, TrackParams).pixel_noise
-        self.params = declare(self, TrackerParams(camera_bias=WIDE_BIAS))
+        self.params = declare(self, TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD))
         self.physics = declare_physics(self)
         self.cameras: list[Camera] = list(wide_pair())
         self.poses = [declare(self, CameraPose.of(c), f"{name}.") for name, c in zip(WIDE_SIDES, self.cameras, strict=True)]

@@ -67,6 +67,9 @@ class TrackerParams:
         low=0.0,
         high=100.0,
     )
+    clock_spread: float = param(
+        0.0, "s", "standard deviation of the difference between the clocks of measured balls and of pixels", low=0.0, high=0.1
+    )
     gate: float = param(1e-4, "", "probability at which a measurement is taken for that of something else", low=1e-12, high=0.1)
     known_position: float = param(0.1, "m", "standard deviation of the position below which a ball is known", low=1e-3, high=10.0)
     known_speed: float = param(2.0, "m/s", "standard deviation of the velocity below which a ball is known", low=1e-2, high=100.0)

@@ -125,6 +125,8 @@ class Tracker:
         ):
             check_range(name, float(np.abs(values).max()), 0.0, most)
         covariance = np.diag(UNKNOWN_BALL) if ball.covariance is None else _covariance("covariance", ball.covariance, (9, 9), -1e-9)
+        motion = np.concatenate([ball.velocity, self._models.air.acceleration(ball.velocity, ball.spin), np.zeros(3)])
+        covariance = covariance + self.params.clock_spread**2 * np.outer(motion, motion)
         history = self._history
         kept = int(np.searchsorted(history.measurements.times, ball.time))
         history.drop(kept)

@@ -1,0 +1,40 @@
+"""Which balls can be reached in time by a robot that knows everything from the launch on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tt_arm.control import ArmControl
+from tt_arm.joints import Joints
+from tt_arm.model import ArmModel
+from tt_arm.stroke_selection import SelectionParams, StrokeSelection
+from tt_arm.swing import plan
+from tt_core.hit_windows import path_end
+from tt_predict.rollout import StopRule, rollout
+from tt_racket.goal import default_goal
+from tt_racket.intercept import intercept
+
+from .episode import Trial
+
+ALL = 100  # candidates that are tried: as many as there can be
+
+
+def reachable(trial: Trial, model: ArmModel) -> StrokeSelection:
+    """Return the stroke with which an arm that waits can hit a ball, with its true path, all limits in full, and no time lost.
+
+    Args:
+        trial: The ball, its physics and its robot.
+        model: The arm.
+
+    Returns:
+        The stroke, or the reasons why there is none.
+    """
+    robot = trial.scenario.robot
+    path = rollout(trial.ball, trial.physics, StopRule.at_x(path_end(robot.intercept.x_low)))
+    goal = trial.scenario.goal or default_goal(trial.ball.spin, robot.default_goal)
+    candidates = intercept(path, goal, trial.physics, robot.intercept)
+    control = ArmControl(model, selection=SelectionParams(method=robot.reach, tries=ALL))
+    control.enable(True)
+    start = Joints.at_rest(trial.ball.time, model.waiting)
+    control.joints, control.swing = start, replace(plan(model, start, None, start.time), end_time=start.time)
+    return control.take([stroke.racket for stroke in candidates.strokes if stroke.racket])
