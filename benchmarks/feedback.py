@@ -76,7 +76,8 @@ def strike_errors(episode):
 def consistency(episode):
     """Return the squared errors of the states over their covariances, per dimension (NEES)."""
     known, ratios = [episode.outcome.launched, *(contact.after for contact in episode.outcome.contacts)], []
-    for state in (answer.state for answer in episode.answers):
+    end = episode.outcome.hit.before.time if episode.outcome.hit else math.inf
+    for state in (answer.state for answer in episode.answers if answer.state.time < end):
         last = [ball for ball in known if ball.time <= state.time][-1]
         off = state.vector - fly(last.vector, state.time - last.time, episode.trial.physics.air.coefficients)
         ratios.append(float(off @ np.linalg.solve(state.covariance, off)) / len(off))

@@ -288,3 +288,15 @@ def test_the_history_is_bounded():
     for t in np.linspace(0.3, 0.4, 2000):  # nothing that is a ball
         tracker.add_position(t, rng.uniform(-2, 2, 3), BROAD)
     tracker.state()
+
+
+def test_a_known_spin_stays_known_when_pixels_are_noisier_than_told():
+    rng, sigmas = np.random.default_rng(12), np.repeat([1e-4, 5e-3, 0.3], 3)
+    for _ in range(30):
+        path, tracker = flown(shot(rng)), Tracker(PHYSICS, CAMERAS, TrackerParams(camera_bias=0.2))
+        tracker.start(BallState.from_vector(0.0, path.at(0.0).vector + rng.normal(size=9) * sigmas, np.diag(sigmas**2)))
+        for t in times(path, rng)[:2]:
+            for index in (0, 1):
+                pixel = CAMERAS[index].project(path.at(t).position[None])[0] + rng.normal(0.0, 4 * PIXELS, 2)
+                tracker.add_pixel(t, index, pixel, PIXELS)
+        assert np.abs(error(tracker.state(), path)[6:]).max() < 3.0  # rad/s, ten standard deviations

@@ -29,6 +29,7 @@ BATCH = 16  # measurements that are fitted at a time
 RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
 MISSED = 6
 OTHER_SPINS = (0.0, 0.5, 1.5, -0.5)  # of the fitted spin, from which a bad fit is tried again
+FARTHEST_START = 10.0  # standard deviations of the prior, between it and such a spin
 SILENCE = 0.5  # s without a measurement, after which another ball is looked for
 SLACK = 0.05  # s, by which the window may grow beyond its lag before its start moves
 WIDEST_PLACE = 30.0  # m, standard deviation of the place of a ball before anything is measured
@@ -332,6 +333,9 @@ class Tracker:
             trial.space.covariance[:] = track.space.covariance
             trial.unknowns[SPIN] = share * spin
             trial.unknowns[DRAG:PARAMETERS] = track.prior.mean[DRAG:PARAMETERS]
+            off = trial.unknowns - track.prior.mean
+            if off @ track.prior.information @ off > FARTHEST_START**2:
+                continue
             seen.used[:] = True
             trial.excess = self._fit_from(trial, seen)
             if trial.excess < best.excess or math.isnan(best.excess):
