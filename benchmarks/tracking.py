@@ -71,8 +71,9 @@ def recorded(folder):
 def simulated(seed, announced, fault):
     """Return rows of one ball: s after the bounce, NEES per dimension, s that a state took, error (9,) of the state, sigmas (9,)."""
     rng, world = np.random.default_rng(seed), load_world("real")
+    ball_physics = world.domain_randomization.draw(world.of_session(seed).physics, rng)
     ball, _ = launch("mixed", int(rng.integers(3, 6)), LauncherParams(), rng)
-    path = rollout(ball, world.domain_randomization.draw(world.physics, rng), StopRule.at_x(-0.4))
+    path = rollout(ball, ball_physics, StopRule.at_x(-0.4))
     tracker, cameras, rows = Tracker(world.physics, wide_pair()), wide_pair(), []
     if announced:
         seen = ball.vector + MEASURED * rng.normal(size=9)
