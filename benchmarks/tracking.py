@@ -1,9 +1,9 @@
 """The tracker on recorded launches, positions alone, and on simulated balls that wide cameras see (TT_DATA_DIR names the recordings).
 
-Recorded: of each group of launches every second one, from the first on, is used to fit drag, lift and table; the others are scored. The
-tracker sees the positions of the first 0.2 s and predicts 0.1, 0.2, 0.3 and 0.5 s ahead. Peers see the same: a parabola, and gravity with a
-drag that was fitted to the same half. Published, on launches of this machine: 1.3 cm at 0.1 s and 8.7 cm at 0.5 s in the median (Achterhold
-et al. 2023).
+Recorded: of each group of launches every second one, from the first on, is used to fit drag, lift, table, and how large spins are; the
+others are scored. The tracker sees the positions of the first 0.2 s and predicts 0.1, 0.2, 0.3 and 0.5 s ahead. Peers see the same: a
+parabola, and gravity with a drag that was fitted to the same half. Published, on launches of this machine: 1.3 cm at 0.1 s and 8.7 cm at
+0.5 s in the median (Achterhold et al. 2023).
 
 Simulated: balls of the launcher in the world `real`, with coefficients of their own, seen by two wide cameras with 0.15 pixels of noise.
 """
@@ -25,15 +25,27 @@ from tt_predict.rollout import StopRule, rollout
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_sim.world_file import load_world
 from tt_vision.rig import WIDE_RATE, wide_pair
-from tt_vision.tracking import Tracker
+from tt_vision.tracking import Tracker, TrackerParams
 
 SEEN = 0.2  # s
 AHEAD = (0.1, 0.2, 0.3, 0.5)  # s
-SIGMA = 0.0015  # m, of a recorded position: third differences give 0.5 to 1 mm, and errors that last come on top
+SIGMA = 0.0024  # m, of a recorded position: residuals of the fitted half are 1.6 mm, and half as much again because they last
+SPIN_WEIGHT = 0.03  # see TrackerParams: the spins of the groups differ fifty-fold
 COEFFICIENTS = ["air.drag", "air.lift_ratio", "table.restitution", "table.friction", "table.grip"]
 NOISE = 0.15  # pixels, of the world `real`
 MEASURED = np.repeat([5e-4, 0.02, 5.0], 3)  # m, m/s, rad/s: standard deviations of a measured ball
 FAULTS = ("none", "lost", "outliers", "jitter", "one_camera")
+
+
+def spin_spread(flights, physics):
+    """Return the root mean square of the spin components in rad/s that the tracker finds in whole flights, through their bounces."""
+    spins = []
+    for flight in flights:
+        tracker = Tracker(physics, params=TrackerParams(lag=2.0))
+        for t, place in zip(flight.times, flight.positions, strict=True):
+            tracker.add_position(t, place, np.eye(3) * SIGMA**2)
+        spins.append(tracker.state(flight.times[0]).spin)
+    return float(np.sqrt(np.mean(np.square(spins))))
 
 
 def recorded(folder):
@@ -43,12 +55,13 @@ def recorded(folder):
     halves = [[flight for flight in flights if flight.group == group] for group in groups]
     fitted, scored = [f for half in halves for f in half[::2]], [f for half in halves for f in half[1::2]]
     physics = identify(fitted, Physics.measured(), COEFFICIENTS).physics
+    params = TrackerParams(spin_spread=spin_spread(fitted, physics), spin_weight=SPIN_WEIGHT)
     plain = Physics(Aerodynamics(physics.air.drag, 0.0, 0.0, 0.0), physics.table)
     plain = identify(fitted, plain, ["air.drag"]).physics
     errors = {}
     for flight in scored:
         n = int(np.searchsorted(flight.times - flight.times[0], SEEN))
-        tracker = Tracker(physics)
+        tracker = Tracker(physics, params=params)
         for t, place in zip(flight.times[:n], flight.positions[:n], strict=True):
             tracker.add_position(t, place, np.eye(3) * SIGMA**2)
         parabola = np.polynomial.polynomial.polyfit(flight.times[:n] - flight.times[0], flight.positions[:n], 2)
