@@ -32,7 +32,7 @@ def main() -> None:
         scenario = load(f"experiment_{kind}")
         goal, real = scenario.goal, load("real", robot="measured")
         assert goal is not None
-        window = scenario.robot.intercept
+        window = scenario.intercept
         ours = {
             "SAM, liu world": scenario,
             "exact, liu world": replace(scenario, robot=replace(scenario.robot, stroke="exact")),

@@ -29,7 +29,7 @@ class FaultyArm(RuleBasedStateMachine):
     @initialize()
     def begin(self):
         self.control, self.plant = ArmControl(MODEL), Plant(MODEL)
-        self.drive = Drive(MODEL.names, MODEL.speed_limits)
+        self.drive = Drive(MODEL.limits)
         self.time, self.offset, self.command = 0.0, 100.0, np.zeros(7)
         self.joints = Joints(0.0, MODEL.waiting, np.zeros(7))
         self.control.enable(True)

@@ -20,7 +20,7 @@ STATES_LATE, COMMANDS_LATE, STALL = 0.095, 0.02, 0.3  # s at most; joint states 
 @pytest.mark.parametrize("seed", range(8))
 def test_the_arm_touches_nothing_whatever_comes_late(seed):
     rng = np.random.default_rng(seed)
-    control, plant, drive = ArmControl(MODEL), Plant(MODEL), Drive(MODEL.names, MODEL.speed_limits)
+    control, plant, drive = ArmControl(MODEL), Plant(MODEL), Drive(MODEL.limits)
     control.enable(True)
     joints, states, commands = Joints(0.0, MODEL.waiting, np.zeros(7)), deque(), deque()
     change = states_late = commands_late = held_up = 0.0

@@ -7,8 +7,9 @@ from arm.own_urdfs import ARMS, EIGHT, FIVE, GANTRY, SIX, joint, link
 from tt_arm.arm_urdf.urdf import UrdfError, UrdfFailure, UrdfOptions
 from tt_arm.dynamics import joint_torques
 from tt_arm.joints import NO_ACCELERATION_LIMIT, NO_JERK_LIMIT
-from tt_arm.model import BASE, MOUNT, URDF, ArmModel
+from tt_arm.model import ArmModel
 from tt_core.errors import BadShape, NotFinite, OutOfRange
+from tt_core.robots import read_arm
 
 BASES = {
     "five": (-0.5, 0.76, 0.0, 0.1),
@@ -89,11 +90,12 @@ def test_the_jacobian_is_the_derivative(folder, name):
 
 
 def test_the_pa10_is_one_of_them():
-    one, other = ArmModel.pa10(), ArmModel.from_urdf(URDF, "racket", BASE)
+    given, urdf = read_arm("pa10")
+    one, other = ArmModel.pa10(), ArmModel.from_urdf(urdf, "racket", given.base)
     q = one.waiting
     assert np.array(one.racket(q)[1]) == pytest.approx(other.racket(q)[1], abs=1e-9)
     assert one.racket(q)[0] == pytest.approx(other.racket(q)[0], abs=1e-9)
-    mounted = ArmModel.from_urdf(URDF, "flange", BASE, MOUNT)
+    mounted = ArmModel.from_urdf(urdf, given.tip, given.base, given.mount)
     assert mounted.racket(q)[0] == pytest.approx(one.racket(q)[0], abs=1e-12)
     assert mounted.bodies.rim == one.bodies.rim
 

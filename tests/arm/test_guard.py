@@ -1,11 +1,14 @@
-"""Whatever comes in, what leaves is finite, within the limits and able to stop in time."""
+"""Whatever comes in, what leaves is finite, within the limits and able to stop in time: for every arm that comes with the workspace."""
+
+import functools
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tt_arm.joints import Joints
+from tt_arm.arm_file import load_arm
+from tt_arm.joints import NO_ACCELERATION_LIMIT, Joints
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import braking_clearance, clearance
 from tt_arm.safety.command_limits import SAME
@@ -13,91 +16,123 @@ from tt_arm.safety.guard import Guard, GuardParams
 from tt_arm.safety.stops import ArmStop
 from tt_arm.swing import SwingLimits
 from tt_core.errors import OutOfRange
+from tt_core.robots import robots
 from tt_sim.world.plant import Plant, PlantParams
 
-MODEL, TICK = ArmModel.pa10(), 0.002
+ARMS, TICK = {name: load_arm(name) for name in robots()}, 0.002
+MODEL = ARMS["pa10"]
+each_arm = pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 anything = arrays(float, st.integers(0, 9), elements=st.floats(allow_nan=True, allow_infinity=True))
 
 
-def at(time, q=MODEL.waiting, qdot=None):
-    return Joints(time, q, np.zeros(7) if qdot is None else qdot)
+def at(time, q=None, qdot=None, arm=MODEL):
+    return Joints(time, arm.waiting if q is None else q, np.zeros(len(arm.names)) if qdot is None else qdot)
 
 
-def warmed():
-    guard = Guard(MODEL)
-    guard.check(at(0.0), np.zeros(7), 0.0)
+def warmed(arm=MODEL):
+    guard = Guard(arm)
+    guard.check(at(0.0, arm=arm), np.zeros(len(arm.names)), 0.0)
     return guard
 
 
-@given(st.lists(anything, max_size=5))
-def test_nonsense_never_leaves(commands):
-    guard, last = warmed(), np.zeros(7)
+def steepest(arm):
+    """Largest change of a command, (n,) rad/s^2 or m/s^2: twice the stated acceleration; 40 where none is stated."""
+    return np.where(arm.limits.acceleration < NO_ACCELERATION_LIMIT, 2.0 * arm.limits.acceleration, 40.0)
+
+
+def test_every_arm_is_there():
+    assert {"pa10", "frame5"} <= set(ARMS)
+
+
+@each_arm
+@given(commands=st.lists(anything, max_size=5))
+def test_nonsense_never_leaves(arm, commands):
+    n = len(arm.names)
+    guard, last = warmed(arm), np.zeros(n)
     for k, command in enumerate(commands):
-        allowed, reason = guard.check(at((k + 1) * TICK), command, (k + 1) * TICK)
+        allowed, reason = guard.check(at((k + 1) * TICK, arm=arm), command, (k + 1) * TICK)
         assert np.isfinite(allowed).all()
-        assert np.all(np.abs(allowed) <= MODEL.speed_limits)
-        assert np.abs(allowed - last).max() <= 40.0 * TICK + 1e-9
-        if command.shape != (7,) or not np.isfinite(command).all():
+        assert np.all(np.abs(allowed) <= arm.speed_limits)
+        assert np.all(np.abs(allowed - last) <= steepest(arm) * TICK + 1e-9)
+        if command.shape != (n,) or not np.isfinite(command).all():
             assert reason.code is ArmStop.BROKEN_COMMAND
         assert reason is not None or np.allclose(allowed, command, rtol=0.0, atol=SAME)
         last = allowed
 
 
-BEYOND = np.append(MODEL.waiting[:6], MODEL.position_limits[6, 1] + 0.1)
-TOUCHING = np.radians((-54, 92, 68, 67, -12, 46, 167))  # the racket 12 mm in the table
-DAMAGE = {
-    ArmStop.BEYOND_LIMIT: at(0.0, BEYOND),
-    ArmStop.OVERSPEED: at(0.0, MODEL.waiting, np.array([0, 0, 0, 3.0, 0, 0, 0])),
-    ArmStop.CONTACT: at(0.0, TOUCHING),
+TOUCHING = {  # the racket in the table
+    "pa10": np.radians((-54, 92, 68, 67, -12, 46, 167)),
+    "frame5": np.array([0.0, 1.0, -1.1, 0.0, 1.1]),
 }
 
 
-@pytest.mark.parametrize("code", DAMAGE)
-def test_damage_latches_once_it_lasts_until_reset(code):
-    broken = DAMAGE[code]
-    guard = warmed()
+def damaged(code, name):
+    """The arm as it must not be."""
+    arm = ARMS[name]
+    beyond = np.append(arm.waiting[:-1], arm.position_limits[-1, 1] + 0.1)
+    too_fast = np.zeros(len(arm.names))
+    too_fast[3] = 1.5 * arm.speed_limits[3]
+    states = {
+        ArmStop.BEYOND_LIMIT: at(0.0, beyond, arm=arm),
+        ArmStop.OVERSPEED: at(0.0, qdot=too_fast, arm=arm),
+        ArmStop.CONTACT: at(0.0, TOUCHING[name], arm=arm),
+    }
+    return states[code]
+
+
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("code", [ArmStop.BEYOND_LIMIT, ArmStop.OVERSPEED, ArmStop.CONTACT])
+def test_damage_latches_once_it_lasts_until_reset(code, name):
+    broken, arm = damaged(code, name), ARMS[name]
+    n, at_rest = len(arm.names), functools.partial(at, arm=arm)
+    guard = warmed(arm)
     for k in range(5):  # less than 10 ms
         guard.look(Joints(k * TICK, broken.q, broken.qdot))
     assert guard.latched is None
-    guard.look(at(5 * TICK))
+    guard.look(at_rest(5 * TICK))
     for k in range(6, 13):
         assert guard.latched is None
         guard.look(Joints(k * TICK, broken.q, broken.qdot))
     assert guard.latched.code is code
-    guard.look(at(12 * TICK))
-    allowed, reason = guard.check(at(12 * TICK), np.full(7, 0.01), 12 * TICK)
+    guard.look(at_rest(12 * TICK))
+    allowed, reason = guard.check(at_rest(12 * TICK), np.full(n, 0.01), 12 * TICK)
     assert np.all(allowed == 0.0)
     assert reason is guard.latched
     guard.reset()
-    assert guard.check(at(13 * TICK), np.zeros(7), 13 * TICK)[1] is None
+    assert guard.check(at_rest(13 * TICK), np.zeros(n), 13 * TICK)[1] is None
 
 
-def test_from_zero_as_long_as_it_knows_no_time():
-    guard, command = Guard(MODEL), np.full(7, 0.5)
-    allowed, reason = guard.check(at(0.0), command, 0.0)
-    assert np.array_equal(allowed, np.zeros(7))
+@each_arm
+def test_from_zero_as_long_as_it_knows_no_time(arm):
+    n = len(arm.names)
+    guard, command = Guard(arm), np.full(n, 0.5)
+    allowed, reason = guard.check(at(0.0, arm=arm), command, 0.0)
+    assert np.array_equal(allowed, np.zeros(n))
     assert reason is None
-    assert guard.check(at(TICK), command, TICK)[1].code is ArmStop.ACCELERATION_CUT
+    assert guard.check(at(TICK, arm=arm), command, TICK)[1].code is ArmStop.ACCELERATION_CUT
 
 
-def test_good_commands_pass_untouched():
-    guard = warmed()
+@each_arm
+def test_good_commands_pass_untouched(arm):
+    guard = warmed(arm)
     for k in range(1, 50):
-        command = np.full(7, 0.5 * np.sin(0.05 * k))
-        allowed, reason = guard.check(at(k * TICK), command, k * TICK)
+        command = np.full(len(arm.names), 0.5 * np.sin(0.05 * k))
+        allowed, reason = guard.check(at(k * TICK, arm=arm), command, k * TICK)
         assert reason is None
         assert np.array_equal(allowed, command)
 
 
+@each_arm
 @settings(max_examples=20)
-@given(arrays(float, 7, elements=st.floats(-10.0, 10.0)))
-def test_a_runaway_stops_before_the_end_of_every_joint(command):
+@given(shares=arrays(float, 8, elements=st.floats(-2.0, 2.0)))
+def test_a_runaway_stops_before_the_end_of_every_joint(arm, shares):
     """With a plant that brakes no better than the guard believes."""
-    guard, plant, state = Guard(MODEL), Plant(MODEL, PlantParams(acceleration=40.0)), Joints(0.0, MODEL.waiting, np.zeros(7))
+    guard, plant, state = Guard(arm), Plant(arm, PlantParams(acceleration=40.0)), at(0.0, arm=arm)
+    command = shares[: len(arm.names)] * arm.speed_limits
     for _ in range(1500):
         allowed, _ = guard.check(state, command, state.time)
         state = plant.advance(state, allowed, 2 * TICK)
-        assert np.all(state.q > MODEL.position_limits[:, 0]) and np.all(state.q < MODEL.position_limits[:, 1])
+        assert np.all(state.q > arm.position_limits[:, 0]) and np.all(state.q < arm.position_limits[:, 1])
 
 
 @pytest.mark.parametrize(
@@ -149,18 +184,20 @@ def test_what_is_too_much_is_cut_and_named(wanted, params, limits, code):
     assert code in seen
 
 
-def test_a_plan_that_is_too_old_moves_nothing():
-    guard, command = warmed(), np.full(7, 0.01)
-    assert guard.check(at(TICK), command, TICK, planned=-4.9)[1] is None
-    assert guard.check(at(2 * TICK), command, 2 * TICK, planned=-5.1)[1].code is ArmStop.OLD_PLAN
+@each_arm
+def test_a_plan_that_is_too_old_moves_nothing(arm):
+    guard, command = warmed(arm), np.full(len(arm.names), 0.01)
+    assert guard.check(at(TICK, arm=arm), command, TICK, planned=-4.9)[1] is None
+    assert guard.check(at(2 * TICK, arm=arm), command, 2 * TICK, planned=-5.1)[1].code is ArmStop.OLD_PLAN
 
 
-@given(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=50))
-def test_a_stop_ends_whatever_its_times_are(steps):
+@each_arm
+@given(steps=st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=50))
+def test_a_stop_ends_whatever_its_times_are(arm, steps):
     """Times that stand still or go back slow a stop down; any that go on end it."""
-    guard = warmed()
+    guard = warmed(arm)
     for k in range(1, 40):
-        guard.check(at(k * TICK), np.full(7, 0.5), k * TICK)
+        guard.check(at(k * TICK, arm=arm), np.full(len(arm.names), 0.5), k * TICK)
     before, now = guard.last, 39 * TICK
     for step in steps:
         now += step
@@ -173,13 +210,14 @@ def test_a_stop_ends_whatever_its_times_are(steps):
     assert np.all(command == 0.0)
 
 
-def test_a_stop_keeps_the_braking_limit():
-    guard = warmed()
+@each_arm
+def test_a_stop_keeps_the_braking_limit(arm):
+    guard, braking = warmed(arm), SwingLimits().of_joints(arm).acceleration
     for k in range(1, 100):
-        command, _ = guard.check(at(k * TICK), np.full(7, 0.5), k * TICK)
+        command, _ = guard.check(at(k * TICK, arm=arm), np.full(len(arm.names), 0.5), k * TICK)
     for k in range(100, 120):
         slower = guard.stop(k * TICK)
-        assert np.abs(slower - command).max() <= 20.0 * TICK + 1e-9
+        assert np.all(np.abs(slower - command) <= braking * TICK + 1e-9)
         command = slower
     assert np.all(command == 0.0)
 

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from tt_arm.joints import Joints
-from tt_arm.model import URDF, ArmModel, UrdfError, UrdfFailure
+from tt_arm.model import ArmModel, UrdfError, UrdfFailure
 from tt_arm.reach import ReachFailure, reach
 from tt_arm.safety.guard import GuardParams
 from tt_arm.startup_check import StartupError, StartupFailure, check_feasible, check_guard, strokes
 from tt_arm.swing import SwingLimits, plan
 from tt_core.errors import OutOfRange
+from tt_core.robots import read_arm
 
 MODEL = ArmModel.pa10()
 
@@ -54,7 +55,7 @@ def test_an_arm_that_is_too_far_tells_how_far():
 )
 def test_a_bad_urdf_is_told(tmp_path, old, new, code, values):
     bad = tmp_path / "bad.urdf"
-    bad.write_text(URDF.read_text().replace(old, new))
+    bad.write_text(read_arm("pa10")[1].read_text().replace(old, new))
     with pytest.raises(UrdfError) as error:
         ArmModel.pa10(urdf=str(bad))
     assert error.value.failure.code is code

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from tt_arm.model import URDF, ArmModel
+from tt_arm.model import ArmModel
 from tt_bringup.compare import compare
 from tt_bringup.frames import Frames, UrdfUnreadable
 from tt_bringup.reprocess import parameters, reprocess
@@ -111,7 +111,7 @@ def test_a_linear_joint_moves_along_its_axis(position):
 def test_what_is_no_urdf_is_refused(text):
     with pytest.raises(UrdfUnreadable):
         Frames(text)
-    assert Frames(URDF.read_text()).fixed
+    assert Frames(ArmModel.pa10().placed_description).fixed
 
 
 @pytest.mark.parametrize("text", ["[1]", "a: 3", "a: {b: 1}", "{"])

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from tt_arm.arm_file import load_arm
 from tt_arm.description import placed_description
-from tt_arm.model import BASE, MOUNT, URDF, ArmModel
+from tt_arm.model import ArmModel
 from tt_bringup.view.gate import Answer, Request, judge
 from tt_bringup.view.items import Shape, ellipsoid
 from tt_bringup.view.page import clicked_place, side_by_side
@@ -18,7 +20,7 @@ from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 
-PA10 = placed_description(URDF.read_text(), BASE, MOUNT)
+PA10 = ArmModel.pa10().placed_description
 BALL = BallState(100.0, [2.3, 0.76, 0.3], [-5.0, 0.0, 1.5], [0.0, -200.0, 0.0], np.diag([1e-6] * 3 + [1e-4] * 3 + [1.0] * 3))
 
 
@@ -31,11 +33,11 @@ def named(scene, now):
     return {item.name: item for item in scene.items(now)}
 
 
-@pytest.mark.parametrize("base, mount", [(BASE, MOUNT), ((-0.5, 0.3, 0.1, 0.7), (0.2, 1.1))])
-def test_the_drawn_racket_is_where_the_model_has_it(base, mount):
-    model, shapes = ArmModel.pa10(base, mount), RobotShapes(placed_description(URDF.read_text(), base, mount))
-    rng = np.random.default_rng(0)
-    for q in rng.uniform(*model.position_limits.T, (5, 7)):
+@pytest.mark.parametrize("arm", [("pa10",), ("pa10", (-0.5, 0.3, 0.1, 0.7), (0.2, 1.1)), ("frame5", (0.1, 0.7, 0.1, 0.1, 0.2, 0.3))])
+def test_the_drawn_racket_is_where_the_model_has_it(arm):
+    model = load_arm(*arm)
+    shapes, rng = RobotShapes(model.placed_description), np.random.default_rng(0)
+    for q in rng.uniform(*model.position_limits.T, (5, len(model.names))):
         racket = {item.name: item for item in shapes.items(dict(zip(model.names, q, strict=True)))}["arm/racket/0"]
         position, rotation = model.racket(q)
         assert racket.position == pytest.approx(position, abs=1e-12)
@@ -81,11 +83,11 @@ def test_a_broken_description_is_refused(urdf):
 def test_a_description_without_one_root_is_refused():
     for urdf in ("<robot/>", "<robot><link name='a'/><link name='b'/></robot>", "no XML"):
         with pytest.raises(TtError):
-            placed_description(urdf, BASE, MOUNT)
+            placed_description(urdf, pin.SE3.Identity())
 
 
 def test_a_placed_description_is_placed_once():
-    assert RobotShapes(placed_description(PA10, (9.0, 9.0, 9.0, 9.0), MOUNT)).items({})[0].position == pytest.approx(
+    assert RobotShapes(placed_description(PA10, pin.SE3(np.eye(3), np.full(3, 9.0)))).items({})[0].position == pytest.approx(
         RobotShapes(PA10).items({})[0].position
     )
 

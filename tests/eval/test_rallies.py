@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from tt_eval import rallies
 from tt_eval.episode import Trial
 from tt_eval.scenario import load
 from tt_eval.sensor_error_model import last_frame
+from tt_racket.intercept import InterceptParams
+from tt_sim.render import Lamps
 
 ROW = dict.fromkeys([f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"], 0.0)
 
@@ -32,11 +35,12 @@ def test_both_ways_are_turned_to_fly_to_the_robot(tmp_path):
 
 @pytest.mark.parametrize(
     ("velocity", "reached"),
-    [([-5.5, 0, 1.8], True), ([-5.0, 3.0, 1.0], False), ([-20.0, 0, -0.5], False), ([-2.0, 0, 1.0], False)],
-    ids=["a usual one", "too wide", "too soon", "into the net"],
+    [([-5.5, 0, 1.8], True), ([-5.0, 3.0, 1.0], False), ([-9.0, 0, 0.6], True), ([-2.0, 0, 1.0], False)],
+    ids=["a usual one", "too wide", "a fast one", "into the net"],
 )
 def test_only_what_an_arm_could_be_asked_for(velocity, reached):
-    assert rallies.within_reach(BallState(0.0, [2.6, 0.76, 0.3], velocity, [0, -200, 0]), Physics.measured()) == reached
+    ball = BallState(0.0, [2.6, 0.76, 0.3], velocity, [0, -200, 0])
+    assert rallies.within_reach(ball, Physics.measured(), InterceptParams()) == reached
 
 
 @pytest.mark.skipif(not os.environ.get("TT_DATA_DIR"), reason="TT_DATA_DIR names no folder of real data")
@@ -45,14 +49,15 @@ def test_real_play_is_seen_by_cameras_that_follow_it():
     assert len(shots) == 13088  # data/README
     scenario = load("rallies", images=False)
     seen = [Trial.drawn(scenario, seed).guessed() for seed in range(40)]
-    # a quarter flies so near to a lamp that its images are saturated: 52 of 200 rendered ones, 55 of 200 by the error model, on the day
-    assert 24 <= sum(ball is not None for ball in seen) <= 36
+    assert sum(ball is not None for ball in seen) >= 39  # lamps and cameras are where the ball is; all of 300 were seen on the day
     assert np.median([np.linalg.norm(ball.spin) for ball in seen if ball is not None]) > 50.0
 
 
 @pytest.mark.skipif(not os.environ.get("TT_DATA_DIR"), reason="TT_DATA_DIR names no folder of real data")
 def test_the_error_model_loses_the_balls_that_images_lose():
-    """Whether a ball is seen, ball by ball: 3 of 200 differ on the day, all of them near the limit of saturation."""
-    trials = [Trial.drawn(load("rallies"), seed) for seed in range(200, 240)]
-    differ = [(last_frame(t.ball, t.cameras, t.physics) is None) != (t.seen()[1] is None) for t in trials]
-    assert sum(differ) <= 4
+    """Whether a ball is seen, ball by ball, with the lamps as they stand for the launcher: a quarter is lost near them."""
+    trials = [replace(Trial.drawn(load("rallies"), seed), lamps=Lamps()) for seed in range(200, 240)]
+    expected = [last_frame(t.ball, t.cameras, t.physics) is None for t in trials]
+    differ = [lost != (t.seen()[1] is None) for lost, t in zip(expected, trials, strict=True)]
+    assert 4 <= sum(expected) <= 16  # 55 of 200 on the day
+    assert sum(differ) <= 4  # 3 of 200 on the day, all of them near the limit of saturation

@@ -12,8 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
-from tt_arm.description import placed_description
-from tt_arm.model import BASE, MOUNT, URDF
+from tt_arm.model import ArmModel
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_to_message, path_to_message
 from tt_core.ros.qos import LATCHED, RELIABLE
@@ -72,7 +71,7 @@ def test_robot_state_publisher_gets_the_description(ros, probe, until, tmp_path,
     if is_installed:
         fake_package(tmp_path)
         environment["AMENT_PREFIX_PATH"] = f"{tmp_path}:{environment['AMENT_PREFIX_PATH']}"
-    description = placed_description(URDF.read_text(), BASE, MOUNT)
+    description = ArmModel.pa10().placed_description
     probe.create_publisher(String, "/red/robot_description", LATCHED).publish(String(data=description))
     words = ["--ros-args", "-r", "__ns:=/red", "-r", "__node:=robot_state_publisher"]
     command = [sys.executable, "-m", "tt_core.start", "tt_bringup.robot_state_publisher", *words]

@@ -11,7 +11,7 @@ from tt_core.errors import TtError
 from tt_tools import packages
 from tt_tools.parameter_client import ParameterClient
 
-CONFIG = packages.share("tt_bringup") / "config" / "pa10.yaml"
+CONFIG = packages.share("tt_bringup") / "config" / "parameters.yaml"
 REFERENCE = Path(__file__).parents[2] / "docs" / "parameters.md"
 
 
@@ -29,7 +29,7 @@ def declared():
 
 
 def test_file_and_reference_hold_every_parameter_of_every_node(declared):
-    """After a change: python -m tt_bringup.parameters ros_ws/src/tt_bringup/config/pa10.yaml docs/parameters.md."""
+    """After a change: python -m tt_bringup.parameters ros_ws/src/tt_bringup/config/parameters.yaml docs/parameters.md."""
     assert CONFIG.read_text() == as_yaml(declared)
     assert REFERENCE.read_text() == as_markdown(declared)
 

@@ -1,5 +1,7 @@
 """Candidates lie on the path, in the window, best first."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from tt_core.errors import BadChoice, OutOfRange
@@ -59,9 +61,9 @@ def test_the_reachable_window_holds_the_near_one_and_more():
 def test_paths_go_past_every_hit_window():
     assert path_end(InterceptParams().x_low) == -0.5
     assert min(window.x_low for window in HIT_WINDOWS.values()) > PATH_END_X
-    for name, window in HIT_WINDOWS.items():
-        params = InterceptParams.window(name)
-        assert window == tuple(getattr(params, field) for field in window._fields)
+    for title, window in HIT_WINDOWS.items():
+        params = InterceptParams.window(title)
+        assert {name: getattr(params, name) for name in asdict(window)} == asdict(window)
 
 
 def test_too_fast_a_racket_is_refused_with_the_number():

@@ -15,7 +15,7 @@ SPEED = st.floats(-LARGEST, LARGEST)
 
 
 def drive():
-    return Drive(MODEL.names, MODEL.speed_limits)
+    return Drive(MODEL.limits)
 
 
 def test_without_a_command_nothing_moves():

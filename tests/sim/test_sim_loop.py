@@ -77,7 +77,7 @@ def run(store, duration, *, rate=0.0, dark=(), **params):
     """The loop for `duration` real seconds."""
     heard, plant = Heard(), Plant(MODEL)
     warm(plant)  # the loop counts real seconds
-    loop = SimLoop(SimParams(**params), WorldParams(), plant, Drive(MODEL.names, plant.limits.speed), store, dark, heard)
+    loop = SimLoop(SimParams(**params), WorldParams(), plant, Drive(MODEL.limits), store, dark, heard)
     loop.rate, end = rate, time.monotonic() + duration
     loop.run(lambda: time.monotonic() < end)
     return heard
@@ -111,7 +111,7 @@ def test_joints_come_every_tick_and_the_clock_at_its_rate():
 
 def test_a_paused_loop_stands_still_and_steps():
     heard, plant = Heard(), Plant(MODEL)
-    loop = SimLoop(SimParams(), WorldParams(), plant, Drive(MODEL.names, plant.limits.speed), Store(), (), heard)
+    loop = SimLoop(SimParams(), WorldParams(), plant, Drive(MODEL.limits), Store(), (), heard)
     moments = []  # s, simulated, at each look
 
     def is_running():

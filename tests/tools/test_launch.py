@@ -290,7 +290,7 @@ def test_further_parameters_come_after_those_of_the_robot(name, tmp_path):
     found = processes(SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml", given | ({"bag": "bag"} if name == "replay" else {}))
     (predict,) = [process for process in found if process.name == "predict"]
     words = " ".join(predict.command)
-    assert words.index("pa10.yaml") < words.index("found.yaml") < words.index("physics:=liu")
+    assert words.index("parameters.yaml") < words.index("found.yaml") < words.index("physics:=liu")
     with refused(LaunchError, tmp_path / "nothing.yaml"):
         processes(
             SOURCES / "tt_bringup" / "launch" / f"{name}.launch.yaml",

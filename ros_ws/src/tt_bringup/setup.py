@@ -9,7 +9,7 @@ here = Path(__file__).parent
 
 def files(folder):
     """Return the paths of all files in a folder."""
-    return [str(path.relative_to(here)) for path in sorted((here / folder).iterdir())]
+    return [str(path.relative_to(here)) for path in sorted((here / folder).iterdir()) if path.is_file()]
 
 
 setup(
@@ -33,6 +33,7 @@ setup(
         ),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
+        *((f"share/tt_bringup/{folder}", files(folder)) for folder in ("config/pa10", "config/frame5")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

@@ -11,7 +11,6 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from enum import Enum
-from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock
@@ -25,6 +24,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import BadShape, TtError
 from tt_core.failures import Failure
 from tt_core.params import check, param
+from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
 from tt_core.ros.diagnostics import Event, Status
@@ -36,9 +36,7 @@ from tt_core.ros.refusals import Refusals
 
 from .arm_file import load_arm
 from .control import ArmControl, ControlParams, ControlStep, warm
-from .description import placed_description
 from .joints import Joints
-from .model import BASE, MOUNT, URDF, WAITING, ArmModel
 from .reach import ReachParams
 from .safety.guard import GuardParams
 from .safety.joint_states import JointStateParams
@@ -74,13 +72,16 @@ class ArmLine(Enum):
 class ArmParams:
     """The arm, and what it may do."""
 
-    robot: str = param("", "", "path of an arm file, see docs/arms.md; empty: the PA10 by `base`, `mount`, `waiting` and `urdf`")
-    base: tuple[float, ...] = param(BASE, "m, rad", "x, y, z and yaw of the PA10's base_link in `table`")
-    mount: tuple[float, ...] = param(
-        MOUNT, "m, rad", "distance of the PA10's racket beyond the flange, and its angle about the y axis of the flange"
+    robot: str = param("", "", "name of an arm, or path of an arm file or its folder, see docs/arms.md; empty: pa10")
+    base: tuple[float, ...] = param(
+        (), "m, rad", "root link in `table`: x, y, z and yaw, or x, y, z, roll, pitch and yaw; empty: as the arm file says"
     )
-    waiting: tuple[float, ...] = param(WAITING, "rad", "joint angles at which the PA10 waits for a ball")
-    urdf: str = param("", "", "path of another description of the PA10; empty: that in this package")
+    mount: tuple[float, ...] = param(
+        (), "m, rad", "racket on the tip: m along its z axis and rad about its y axis, or six numbers; empty: as the arm file says"
+    )
+    waiting: tuple[float, ...] = param(
+        (), "rad, m", "positions of the joints at which the arm waits for a ball; empty: as the arm file says"
+    )
     joints: tuple[str, ...] = param(
         (), "", "names of the joints in joint states, in the order of the commands; empty: the names of the URDF"
     )
@@ -103,19 +104,17 @@ class ArmNode(Node):
         """Declare the parameters, check the arm, load the kernels, and connect."""
         super().__init__("arm")
         params = declare(self, ArmParams, changed=self.on_params)
-        if params.robot:
-            model = load_arm(params.robot)
-        else:
-            model = ArmModel.pa10(params.base, params.mount, params.waiting, params.urdf or str(URDF))
+        model = load_arm(params.robot, params.base, params.mount, params.waiting)
+        drives, _ = read_arm(params.robot)
         guard = declare(self, GuardParams, "guard.")
         self.joints = params.joints or model.names
         if len(self.joints) != len(model.names):
             raise BadShape("joints", (len(self.joints),), (len(model.names),))
         self.rtf = params.rtf
-        self.about = f"robot {Path(params.urdf or str(URDF)).stem} with {len(self.joints)} joints"
+        self.about = f"robot {model.pinocchio.name} with {len(self.joints)} joints"
         self.control = ArmControl(
             model,
-            declare(self, SwingLimits, "swing."),
+            declare(self, SwingLimits(command_timeout=drives.command_timeout), "swing."),
             declare(self, ReachParams, "reach."),
             declare(self, ServoParams, "servo."),
             guard,
@@ -137,10 +136,7 @@ class ArmNode(Node):
         self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
-        text = model.description.xml
-        if not params.robot:
-            text = placed_description(Path(params.urdf or str(URDF)).read_text(), params.base, params.mount)
-        self.description.publish(String(data=text))
+        self.description.publish(String(data=model.placed_description))
         self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(

@@ -14,7 +14,6 @@ from tt_core.states import Array
 ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint in swings; the PA10 then needs 0.76 of its rated torque at most (assumed inertias)
 JERK = 4000.0  # rad/s^3 or m/s^3 of each joint in swings; our choice: 5 ms from rest to the full acceleration
 NO_ACCELERATION_LIMIT, NO_JERK_LIMIT = 1e4, 1e7  # rad or m, s; limits of a joint whose description states none
-COMMAND_TIMEOUT = 0.1  # s for which the drives hold a command, as in the drives of real arms
 HOLD_RESERVE = 0.04  # s more for which a command may act: its transport, and a process that is held up twice; our choice, costs no stroke
 
 
@@ -118,14 +117,10 @@ class JointLimits:
             speed: Share of the speed limits.
             effort: Share of the rated effort.
             margin: Distance kept from both position limits, rad or m.
-            acceleration: rad/s^2 or m/s^2, upper bound for the limit of every joint; None keeps the present ones.
-            jerk: rad/s^3 or m/s^3, upper bound for the limit of every joint; None keeps the present ones.
+            acceleration: rad/s^2 or m/s^2, limit of each joint whose description states none; None keeps NO_ACCELERATION_LIMIT.
+            jerk: rad/s^3 or m/s^3, limit of each joint whose description states none; None keeps NO_JERK_LIMIT.
         """
         return _reduced(self, speed, effort, margin, acceleration, jerk)
-
-    def with_acceleration(self, acceleration: float) -> JointLimits:
-        """Return the same limits with another acceleration limit (rad/s^2 or m/s^2) for every joint, which may be higher."""
-        return replace(self, acceleration=np.full(len(self.names), acceleration))
 
 
 @functools.lru_cache(maxsize=128)
@@ -137,7 +132,12 @@ def _reduced(
         limits,
         position=limits.position + margin * np.array([1.0, -1.0]),
         speed=speed * limits.speed,
-        acceleration=limits.acceleration if acceleration is None else np.minimum(limits.acceleration, acceleration),
-        jerk=limits.jerk if jerk is None else np.minimum(limits.jerk, jerk),
+        acceleration=_stated(limits.acceleration, NO_ACCELERATION_LIMIT, acceleration),
+        jerk=_stated(limits.jerk, NO_JERK_LIMIT, jerk),
         effort=effort * limits.effort,
     )
+
+
+def _stated(limits: Array, none: float, otherwise: float | None) -> Array:
+    """Return the limits (n,), with `otherwise` for joints that have none."""
+    return limits if otherwise is None else np.where(limits < none, limits, otherwise)

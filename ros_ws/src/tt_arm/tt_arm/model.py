@@ -6,18 +6,19 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import resources
 from os import PathLike
 
 import numpy as np
 import pinocchio as pin
 from tt_core.constants import GRAVITY
 from tt_core.errors import check_array, check_range
+from tt_core.robots import read_arm
 from tt_core.states import Array
 
 from .arm_urdf.bodies import capsules
 from .arm_urdf.geometry import bodies, chain, joint_frames, links
 from .arm_urdf.urdf import RACKET, Description, UrdfError, UrdfFailure, UrdfOptions, read
+from .description import placed_description
 from .dynamics import Links
 from .ik.closed_form import ElbowArm, elbow_arm
 from .ik.posture_search import Atlas, make_atlas
@@ -25,13 +26,7 @@ from .joints import NO_ACCELERATION_LIMIT, NO_JERK_LIMIT, JointLimits
 from .kinematics import Bodies, Chain, forward
 from .safety.body_pairs import find_pairs
 
-__all__ = ["BASE", "MOUNT", "URDF", "WAITING", "ArmModel", "UrdfError", "UrdfFailure", "UrdfOptions"]
-
-URDF = resources.files(__package__) / "urdf" / "pa10.urdf"
-BASE = (-0.80, 0.7625, -0.06, 0.0)  # m, m, m, rad: base_link in `table` as x, y, z, yaw; our choice: a 0.70 m pedestal behind the table
-MOUNT = (0.15, 0.5 * np.pi)  # m beyond the flange on its axis, rad about its y axis; our choice: the normal is the flange's x axis
-# rad; found by a search: leaves the most time for the catapult's balls at scales 3 to 5, and reaches the printed strokes within 0.4 s
-WAITING = tuple(np.radians([-63.1, 63.9, 56.3, 110.5, -11.3, 85.3, 136.8]).tolist())
+__all__ = ["ArmModel", "UrdfError", "UrdfFailure", "UrdfOptions"]
 
 
 def base_placement(base: Sequence[float]) -> pin.SE3:
@@ -69,8 +64,8 @@ def _pinocchio(description: Description, base: pin.SE3) -> pin.Model:
     """Return pinocchio's model of the arm in `table`. It needs no shapes, and takes unlimited joints for limited ones with limits."""
     robot = ET.fromstring(description.xml)
     for link in robot.findall("link"):
-        for collision in link.findall("collision"):
-            link.remove(collision)
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
     try:
         model = pin.buildModelFromXML(ET.tostring(robot, encoding="unicode"))
     except (ValueError, RuntimeError) as error:
@@ -154,9 +149,13 @@ class ArmModel:
 
     @classmethod
     def pa10(
-        cls, base: Sequence[float] = BASE, mount: Sequence[float] = MOUNT, waiting: Sequence[float] = WAITING, urdf: str = str(URDF)
+        cls,
+        base: Sequence[float] | None = None,
+        mount: Sequence[float] | None = None,
+        waiting: Sequence[float] | None = None,
+        urdf: str | None = None,
     ) -> ArmModel:
-        """Return the Mitsubishi PA10; its joints are s1, s2, s3, e1, e2, w1, w2.
+        """Return the Mitsubishi PA10; its joints are s1, s2, s3, e1, e2, w1, w2. What is None is as in its arm file.
 
         Args:
             base: As of `from_urdf`.
@@ -167,7 +166,14 @@ class ArmModel:
         Raises:
             TtError: As of `from_urdf`.
         """
-        return cls.from_urdf(urdf, "flange", base, mount, waiting)
+        given, path = read_arm("pa10")
+        return cls.from_urdf(
+            urdf or path,
+            given.tip,
+            given.base if base is None else base,
+            given.mount if mount is None else mount,
+            given.waiting if waiting is None else waiting,
+        )
 
     @classmethod
     def from_urdf(
@@ -213,6 +219,11 @@ class ArmModel:
     def atlas(self) -> Atlas:
         """Return postures all over the limits of the joints, from which the posture search starts."""
         return make_atlas(self.chain, self.limits.position)
+
+    @property
+    def placed_description(self) -> str:
+        """Return the URDF as other programs read it: with the racket, and with the frame `table` as the root."""
+        return placed_description(self.description.xml, self.base)
 
     def racket(self, q: Array) -> tuple[Array, Array]:
         """Return position (3,) m of the face centre and rotation (3, 3) of the racket in `table`, for q (n,) rad or m."""

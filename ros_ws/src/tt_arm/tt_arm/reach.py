@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.constants import COMMAND_TIMEOUT
 from tt_core.errors import BadChoice, check_array
 from tt_core.failures import Failure
 from tt_core.params import check, param
@@ -26,7 +27,7 @@ from .ik.newton import Target, newton
 from .ik.posture_cost import PostureWeights, turning_rate
 from .ik.posture_search import ATLAS_SIZE, any_posture, search
 from .ik.velocity_allocation import ONES, least_shares, steady_rows
-from .joints import COMMAND_TIMEOUT, HOLD_RESERVE, JointBounds, JointLimits
+from .joints import HOLD_RESERVE, JointBounds, JointLimits
 from .kinematics import Chain, forward
 from .model import ArmModel
 

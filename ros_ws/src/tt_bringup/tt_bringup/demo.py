@@ -31,6 +31,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
+from tt_core.robots import DEFAULT, arm_file, robots
 from tt_core.ros.convert import ball_from_message, goal_from_message, goal_to_message, seconds
 from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
@@ -230,6 +231,7 @@ def arguments() -> argparse.Namespace:
     """Read and check the command line."""
     parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
     parser.add_argument("--balls", type=int, default=6, metavar="N", help="how many balls (default 6)")
+    parser.add_argument("--robot", default=DEFAULT, metavar="ARM", help=f"an arm that comes with it, or an arm file (default {DEFAULT})")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all that is random (default 0)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     parser.add_argument("--rtf", type=float, default=1.0, metavar="R", help="simulated seconds in a second (default 1)")
@@ -239,6 +241,10 @@ def arguments() -> argparse.Namespace:
     for name, value, low, high in (("balls", args.balls, 1, 10**6), ("rtf", args.rtf, 0.01, 10.0), ("seed", args.seed, 0, 2**31)):
         if not low <= value <= high:
             parser.error(f"--{name} {value:g} is outside [{low:g}, {high:g}]")
+    try:
+        args.robot = args.robot if args.robot in robots() else str(arm_file(args.robot).absolute())
+    except TtError as error:
+        parser.error(f"--robot {error}")
     args.out = args.out or Path("out") / time.strftime("demo_%Y%m%d_%H%M%S")
     if (args.out / "bag").exists():
         parser.error(f"--out {args.out} holds a recording already")
@@ -287,7 +293,7 @@ def main() -> None:
     out = args.out.absolute()
     free_domain()
     simulated = "false" if args.rtf == 1.0 else "true"
-    given: dict[str, object] = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu"}
+    given: dict[str, object] = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu", "robot": args.robot}
     given |= {"record": "true", "output": out / "bag"}
     given["enabled"] = "false"  # `start` enables the arm when all nodes are there
     nodes = NODES | ({"view"} if args.view else set())

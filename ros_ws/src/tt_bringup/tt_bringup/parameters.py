@@ -42,8 +42,9 @@ NODES = {
     "markers": ("tt_bringup", "marker_node"),
     "view": ("tt_bringup", "view_node"),
 }
-# NaN in the file: the value of the model, the world or the hit window that is named
-MODELS = ("air.", "table.", "racket.", "plant.", "x_low", "x_high", "y_low", "y_high", "z_low", "z_high")
+# NaN in the file: the value of the model, the world or the arm file that is named
+MODELS = ("air.", "table.", "racket.", "plant.")
+OF_ARM = ("x_low", "x_high", "y_low", "y_high", "z_low", "z_high", "racket_speed", "command_timeout", "swing.command_timeout")
 OF_MIDDLEWARE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 PATIENCE = 120.0  # s, for a node to answer: a cold start compiles kernels
 
@@ -69,12 +70,13 @@ def as_yaml(nodes: dict[str, list[Declared]]) -> str:
     """Return the parameter file, with meaning and unit of each parameter as a comment."""
     lines = [
         "# Every parameter of every node, as the launch files load it. Written by: python -m tt_bringup.parameters",
-        "# .nan stands for the value of the model that `physics` names, of the hit window that `window` names, or of the world.",
+        "# .nan stands for the value of the model that `physics` names, of the world, or of the arm file.",
     ]
     for node, parameters in nodes.items():
         lines += [f"/**/{node}:", "  ros__parameters:"]
         for one in parameters:
-            value = float("nan") if one.name.startswith(MODELS) else list(one.value) if hasattr(one.value, "tolist") else one.value
+            is_default = one.name.startswith(MODELS) or one.name in OF_ARM
+            value = float("nan") if is_default else list(one.value) if hasattr(one.value, "tolist") else one.value
             text = yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("\n...\n").strip()
             lines.append(f"    {one.name}: {text}  # {one.descriptor.description}")
     return "\n".join(lines) + "\n"

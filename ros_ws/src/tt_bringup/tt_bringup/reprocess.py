@@ -14,16 +14,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from scipy.spatial.transform import Rotation
+from tt_arm.arm_file import load_arm
 from tt_arm.arm_node import ArmParams
+from tt_arm.description import placed_description
+from tt_arm.model import base_placement
 from tt_core.errors import TtError
 from tt_core.params import from_values
+from tt_core.robots import read_arm
 from tt_core.ros.bags import TYPES, Bag, Message, bag_files
 from tt_tools.bagfile import BagFile
 from tt_vision.estimate_node import read_poses
@@ -76,13 +79,13 @@ def all_parameters(attached: Mapping[str, bytes], files: Sequence[Path]) -> dict
     """Return the parameters of the nodes.
 
     Args:
-        attached: Attachments of the bag; parameters among them win over config/pa10.yaml.
+        attached: Attachments of the bag; parameters among them win over config/parameters.yaml.
         files: Parameter files, which win over both, the last one most.
 
     Raises:
         TtError: A file is none, or cannot be read.
     """
-    texts = [(Path(get_package_share_directory("tt_bringup")) / "config" / "pa10.yaml").read_text()]
+    texts = [(Path(get_package_share_directory("tt_bringup")) / "config" / "parameters.yaml").read_text()]
     texts += [data.decode() for name, data in attached.items() if name.startswith("parameters/")]
     for file in files:
         try:
@@ -96,6 +99,22 @@ def all_parameters(attached: Mapping[str, bytes], files: Sequence[Path]) -> dict
     return found
 
 
+def recorded_description(urdf: str | None, values: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the description of a recorded arm in `table`.
+
+    Args:
+        urdf: The recorded one; None to make that of the parameters.
+        values: Parameters of the nodes.
+
+    Raises:
+        TtError: The arm of the parameters cannot be read, or `urdf` is no URDF.
+    """
+    params = from_values(ArmParams, values["arm"])
+    if urdf is None:
+        return load_arm(params.robot, params.base, params.mount, params.waiting).placed_description
+    return placed_description(urdf, base_placement(params.base or read_arm(params.robot)[0].base))
+
+
 def packed(kind: str, message: Any) -> bytes:
     """Return the CDR of a message of ROS or rosbags; its padding is always 0."""
     if not hasattr(message, "get_fields_and_field_types"):
@@ -106,13 +125,11 @@ def packed(kind: str, message: Any) -> bytes:
 class TransformMessages:
     """Makes /tf and /tf_static."""
 
-    def __init__(self, urdf: str, values: Mapping[str, Mapping[str, Any]]) -> None:
-        """Read the arm and the poses of arm and cameras. Raises TtError."""
-        self._frames = Frames(urdf)
-        x, y, z, yaw = from_values(ArmParams, values["arm"]).base
-        turn = Rotation.from_euler("z", yaw).as_matrix()
+    def __init__(self, urdf: str | None, values: Mapping[str, Mapping[str, Any]]) -> None:
+        """Read the arm and the poses of arm and cameras; urdf: None for that of the parameters. Raises TtError."""
+        self._frames = Frames(recorded_description(urdf, values))
         cameras = read_poses(lambda kind, prefix="": from_values(kind, values["estimate"], prefix))
-        self._fixed = [*self._frames.fixed, Transform("table", "base_link", turn, np.array([x, y, z]))]
+        self._fixed = list(self._frames.fixed)
         for name, camera in zip(SIDES, cameras, strict=True):
             back = camera.rotation.T
             self._fixed.append(Transform("table", f"{name}_optical", back, -back @ camera.translation))
@@ -181,8 +198,7 @@ def reprocess(path: Path, first: str, output: Path, files: Sequence[Path] = ()) 
     attached = attachments(path)
     values = all_parameters(attached, files)
     chain = Chain(first, values)
-    default = Path(get_package_share_directory("tt_arm")) / "urdf" / "pa10.urdf"
-    transforms = TransformMessages(attached.get(URDF, default.read_bytes()).decode(), values)
+    transforms = TransformMessages(attached[URDF].decode() if URDF in attached else None, values)
     begin = time.monotonic()
     with Bag(path) as bag:
         names = {full: name for name in (*chain.inputs, *chain.outputs, "joint_states") if (full := bag.find(name))}

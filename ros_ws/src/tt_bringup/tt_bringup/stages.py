@@ -28,7 +28,7 @@ from tt_predict.predict_node import PredictParams
 from tt_predict.rollout import StopRule, rollout, thinned
 from tt_racket.goal import GoalParams, default_goal
 from tt_racket.goal_relaxation import RelaxationParams
-from tt_racket.intercept import InterceptParams, intercept
+from tt_racket.intercept import intercept
 from tt_racket.racket_node import RacketParams
 from tt_racket.sensitivity import StrikeErrorParams
 from tt_vision.capture.assembler import Assembler, BurstParams
@@ -120,7 +120,7 @@ class Racket:
         """Read the parameters of the node. Raises TtError for a value that it would refuse."""
         read: Reader = partial(_read, values)
         self.physics = read_physics(read)
-        self.params = read(InterceptParams.window(read(RacketParams).window))
+        self.params = read(read(RacketParams).intercept)
         self.goal_params, self.relaxation = read(GoalParams, "goal."), read(RelaxationParams, "relaxation.")
         self.errors = read(StrikeErrorParams, "errors.")
         self.goal: ReturnGoal | None = None

@@ -16,3 +16,4 @@ NET_OVERHANG = 0.1525  # m beyond each side line, ITTF laws 2.2
 RACKET_RADIUS = 0.075  # m, half the width of a usual blade (150 mm)
 
 RPM = 2.0 * 3.141592653589793 / 60.0  # rad/s in one revolution a minute
+COMMAND_TIMEOUT = 0.1  # s for which the drives of an arm hold a command, where its arm file states no other

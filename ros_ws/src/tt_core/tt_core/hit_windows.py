@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+
+from .errors import check_range
+
+LARGEST = 5.0  # m, of a coordinate
 
 
-class HitWindow(NamedTuple):
+@dataclass(frozen=True)
+class HitWindow:
     """A box in which the ball's centre is when it is hit, in m."""
 
     x_low: float
@@ -15,14 +20,21 @@ class HitWindow(NamedTuple):
     z_low: float
     z_high: float
 
+    def __post_init__(self) -> None:
+        """Refuse a box without an inside, or outside the hall."""
+        for axis in "xyz":
+            high = check_range(f"{axis}_high", getattr(self, f"{axis}_high"), -LARGEST, LARGEST)
+            check_range(f"{axis}_low", getattr(self, f"{axis}_low"), -LARGEST, high)
+
 
 HIT_WINDOWS = {
     # x: to a later strike than the -0.3 of dissertation Section 4.5.1, because a later strike is one that the arm has time for;
-    # y: where the arm reaches everything from its base; z: from where the racket's edge clears the table
+    # y: where the PA10 reaches everything from its base; z: from where the racket's edge clears the table
     "near": HitWindow(-0.40, 0.0, 0.25, 1.275, 0.12, 0.55),
-    # where the arm reaches 99 % of random rackets from its base
+    # where the PA10 reaches 99 % of random rackets from its base
     "reachable": HitWindow(-0.70, 0.0, 0.20, 1.325, 0.12, 0.70),
 }
+RACKET_SPEED = 3.5  # m/s, of the strokes that are offered to an arm whose file states no other; the PA10 reaches 3.0 to 3.7 m/s
 PATH_MARGIN = 0.1  # m, by which a path goes on past the last point at which its ball may be hit
 
 

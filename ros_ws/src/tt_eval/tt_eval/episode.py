@@ -19,7 +19,7 @@ from tt_arm.kinematics import forward
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachFailure
 from tt_arm.stroke_selection import SelectionParams, StrokeSelection
-from tt_arm.swing import Swing, SwingFailure
+from tt_arm.swing import Swing, SwingFailure, SwingLimits
 from tt_arm.swing import plan as plan_swing
 from tt_core.constants import TABLE_WIDTH
 from tt_core.failures import Failure
@@ -32,12 +32,12 @@ from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
 from tt_racket.failures import StrokeFailure
 from tt_racket.goal import default_goal
-from tt_racket.intercept import Candidates, hit_points, intercept
+from tt_racket.intercept import Candidates, InterceptParams, hit_points, intercept
 from tt_racket.stroke import Stroke, solve
 from tt_sim.cameras.camera_faults import arrivals
 from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.cameras.tracking_cameras import Sightings, TrackingCameraFaults, TrackingCameraPair, TrackingCameras
-from tt_sim.render import Scene, Texture
+from tt_sim.render import Lamps, Scene, Texture
 from tt_sim.simulated_robot import SimulatedRobot, Tick
 from tt_sim.world import rotation_machine
 from tt_sim.world.launcher import launch
@@ -77,6 +77,7 @@ class Trial:
         orientation: (3, 3) ball to `table` then.
         physics: Of this ball.
         cameras: Where they stand; the robot knows it exactly.
+        lamps: The light. Cameras that follow the opponent's shots carry the lamps with them.
         rng: Of all that is drawn later.
     """
 
@@ -88,6 +89,7 @@ class Trial:
     orientation: Array
     physics: Physics
     cameras: tuple[Camera, ...]
+    lamps: Lamps
     rng: np.random.Generator
 
     @classmethod
@@ -102,7 +104,8 @@ class Trial:
         Raises:
             NoShots: The scenario wants shots of real play, and there are none.
         """
-        rng, cameras = np.random.default_rng(seed), _cameras()
+        rng, lamps = np.random.default_rng(seed), Lamps()
+        cameras: tuple[Camera, ...] = _cameras()
         kind, scale = scenario.shot(seed)
         if scenario.shots == "catapult":
             ball, orientation = launch(kind, scale, scenario.launcher, rng)
@@ -110,20 +113,20 @@ class Trial:
             if scenario.shots == "rotation":
                 ball = rotation_machine.ball(seed)
             else:
-                known = rallies.shots() if scenario.ball is None else (scenario.ball,)
+                known = rallies.shots(scenario.intercept) if scenario.ball is None else (scenario.ball,)
                 ball = known[rng.integers(len(known))]
             kind, scale, orientation = scenario.shots, 0, Rotation.random(rng=rng).as_matrix()
-            cameras = tuple(_aimed(camera, ball) for camera in cameras)  # type: ignore[assignment]
+            cameras, lamps = _aimed(ball)
         world = _session_world(scenario.world, seed // scenario.balls)
         physics = world.domain_randomization.draw(world.physics, rng)
         if scenario.shots == "rotation":
             physics = replace(physics, air=rotation_machine.HELD)
         ball = BallState.from_vector(ball.time + time, ball.vector)
-        return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, rng)
+        return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, lamps, rng)
 
     def seen(self) -> tuple[Measurement | None, BallState | None]:
         """Render and measure the ball; return the measurement, None without a burst, and the measured ball, None if it is refused."""
-        scene, assembler = Scene(texture=_texture(self.seed % TEXTURES)), Assembler()
+        scene, assembler = Scene(texture=_texture(self.seed % TEXTURES), lamps=self.lamps), Assembler()
         frames = camera_sequence(self.ball, self.orientation, self.cameras, scene, self.physics, self.rng)
         for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
             burst = assembler.add(side, stamp, image)
@@ -134,7 +137,7 @@ class Trial:
 
     def guessed(self) -> BallState | None:
         """Return the measured ball by the sensor error model of the world; None if it would not be measured."""
-        world, time = self.scenario.world, last_frame(self.ball, self.cameras, self.physics)
+        world, time = self.scenario.world, last_frame(self.ball, self.cameras, self.physics, lamps=self.lamps)
         model = SensorErrorModel.load(world.sensor_error_model)
         if time is None or self.rng.uniform() < model.refused:
             return None
@@ -271,23 +274,25 @@ def _rest(model: ArmModel) -> Swing:
     return plan_swing(model, Joints.at_rest(0.0, model.waiting), None, 0.0)
 
 
-def _aimed(camera: Camera, ball: BallState) -> Camera:
-    """Return the camera moved to where the ball is after the first frames, as if it followed the opponent's racket; lamps stay."""
-    shift = ball.position + 0.008 * ball.velocity - VIEW_CENTRE
-    return replace(camera, translation=camera.translation - camera.rotation @ shift)
+def _aimed(ball: BallState) -> tuple[tuple[Camera, ...], Lamps]:
+    """Return cameras and lamps moved to where the ball is after the first frames, as if they followed the opponent's racket."""
+    shift, light = ball.position + 0.008 * ball.velocity - VIEW_CENTRE, Lamps()
+    cameras = (replace(camera, translation=camera.translation - camera.rotation @ shift) for camera in _cameras())
+    lamps = (replace(lamp, position=tuple((np.array(lamp.position) + shift).tolist())) for lamp in light.lamps)
+    return tuple(cameras), replace(light, lamps=tuple(lamps))
 
 
-def answered(path: BallPath, goal: ReturnGoal, robot: Robot) -> Candidates:
+def answered(path: BallPath, goal: ReturnGoal, robot: Robot, params: InterceptParams) -> Candidates:
     """Return the strokes of a robot: those of `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
     if robot.stroke == "exact":
-        return intercept(path, goal, robot.physics, robot.intercept)
+        return intercept(path, goal, robot.physics, params)
     found, refused = list[Stroke](), list[tuple[BallState, Failure]]()
-    for ball in hit_points(path, robot.intercept):
+    for ball in hit_points(path, params):
         if robot.stroke == "sam":
-            stroke = solve(ball, goal, robot.physics, method="sam", racket_speed=robot.intercept.racket_speed)
+            stroke = solve(ball, goal, robot.physics, method="sam", racket_speed=params.racket_speed)
         else:
             stroke = specular(ball, goal, robot.physics)
-        bound = robot.intercept.racket_speed
+        bound = params.racket_speed
         if stroke.reason is not None:
             refused.append((ball, stroke.reason))
         elif stroke.racket is not None and (speed := float(np.linalg.norm(stroke.racket.velocity))) > bound:
@@ -324,9 +329,9 @@ class Plan:
         if robot.feedback:
             return cls(measurement, measured, due=due)
         believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
-        path = rollout(believed, robot.physics, StopRule.at_x(path_end(robot.intercept.x_low)))
+        path = rollout(believed, robot.physics, StopRule.at_x(path_end(scenario.intercept.x_low)))
         goal = scenario.goal or default_goal(measured.spin, robot.default_goal)
-        return cls(measurement, measured, goal, path, answered(path, goal, robot), due)
+        return cls(measurement, measured, goal, path, answered(path, goal, robot, scenario.intercept), due)
 
     @property
     def rackets(self) -> list[RacketState]:
@@ -373,7 +378,9 @@ def _alone(trial: Trial, learner: PhysicsLearner) -> Episode:
 
 
 def _control(scenario: Scenario) -> ArmControl:
-    control = ArmControl(_arm(scenario.arm), selection=SelectionParams(method=scenario.robot.reach, margin=scenario.robot.margin))
+    limits = SwingLimits(command_timeout=scenario.arm_file.command_timeout)
+    selection = SelectionParams(method=scenario.robot.reach, margin=scenario.robot.margin)
+    control = ArmControl(_arm(scenario.arm), limits, selection=selection)
     control.enable(True)
     return control
 

@@ -168,7 +168,7 @@ class Follower:
     def _predict(self, now: float) -> None:
         """Derive path and strokes from the newest state, unless it follows the last one too soon."""
         robot, ball = self._scenario.robot, self._tracker.state()
-        end = path_end(robot.intercept.x_low)
+        end = path_end(self._scenario.intercept.x_low)
         if ball is None or ball.velocity[0] >= 0.0 or ball.position[0] <= end or not self._selection.takes(ball):
             return
         physics = self._tracker.physics
@@ -183,7 +183,7 @@ class Follower:
         self.answers.append(self._answer)
 
     def _strokes(self, path: BallPath, goal: ReturnGoal, physics: Physics) -> Candidates:
-        return intercept(path, goal, physics, self._scenario.robot.intercept, bounced=self._ball.bounced)
+        return intercept(path, goal, physics, self._scenario.intercept, bounced=self._ball.bounced)
 
 
 def _factor_spreads(spreads: Array) -> dict[str, float]:

@@ -8,7 +8,7 @@ from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.stroke_selection import SelectionParams, StrokeSelection
-from tt_arm.swing import plan
+from tt_arm.swing import SwingLimits, plan
 from tt_core.hit_windows import path_end
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.goal import default_goal
@@ -29,11 +29,13 @@ def reachable(trial: Trial, model: ArmModel) -> StrokeSelection:
     Returns:
         The stroke, or the reasons why there is none.
     """
-    robot = trial.scenario.robot
-    path = rollout(trial.ball, trial.physics, StopRule.at_x(path_end(robot.intercept.x_low)))
-    goal = trial.scenario.goal or default_goal(trial.ball.spin, robot.default_goal)
-    candidates = intercept(path, goal, trial.physics, robot.intercept)
-    control = ArmControl(model, selection=SelectionParams(method=robot.reach, tries=ALL))
+    scenario = trial.scenario
+    robot = scenario.robot
+    path = rollout(trial.ball, trial.physics, StopRule.at_x(path_end(scenario.intercept.x_low)))
+    goal = scenario.goal or default_goal(trial.ball.spin, robot.default_goal)
+    candidates = intercept(path, goal, trial.physics, scenario.intercept)
+    limits = SwingLimits(command_timeout=scenario.arm_file.command_timeout)
+    control = ArmControl(model, limits, selection=SelectionParams(method=robot.reach, tries=ALL))
     control.enable(True)
     start = Joints.at_rest(trial.ball.time, model.waiting)
     control.joints, control.swing = start, replace(plan(model, start, None, start.time), end_time=start.time)

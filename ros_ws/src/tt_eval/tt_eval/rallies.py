@@ -16,8 +16,6 @@ from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.intercept import InterceptParams, hit_points
 
-SOONEST = 0.35  # s from the shot until the ball may be hit: frames, planning and the shortest swing
-
 
 class NoShots(TtError):
     """Recorded shots that cannot be read.
@@ -56,23 +54,24 @@ def load(file: Path) -> list[BallState]:
 _KEYS = [f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"]
 
 
-def within_reach(ball: BallState, physics: Physics) -> bool:
-    """Return whether an arm on a base could be asked to return a ball.
-
-    It must bounce once, on the robot's half, and pass through the window of strokes, not sooner than SOONEST.
+def within_reach(ball: BallState, physics: Physics, window: InterceptParams) -> bool:
+    """Return whether an arm could be asked to return a ball: it bounces once, on the robot's half, and passes through the hit window.
 
     Args:
         ball: At the shot.
         physics: Of the ball.
+        window: Where the arm hits.
     """
-    path = rollout(ball, physics, StopRule.at_x(path_end(InterceptParams.x_low)))
-    points = hit_points(path, InterceptParams())
-    return bool(points) and path.bounces[0].position[0] < TABLE_LENGTH / 2 and points[-1].time >= SOONEST
+    path = rollout(ball, physics, StopRule.at_x(path_end(window.x_low)))
+    return bool(hit_points(path, window)) and path.bounces[0].position[0] < TABLE_LENGTH / 2
 
 
 @functools.cache
-def shots() -> tuple[BallState, ...]:
+def shots(window: InterceptParams) -> tuple[BallState, ...]:
     """Return the shots of deepmind/rallies.json in the folder TT_DATA_DIR that are within reach.
+
+    Args:
+        window: Where the arm hits.
 
     Raises:
         NoShots: The environment variable is not set, or the file cannot be read.
@@ -81,4 +80,4 @@ def shots() -> tuple[BallState, ...]:
     if not folder:
         raise NoShots(None, "TT_DATA_DIR names no folder with deepmind/rallies.json")
     physics = Physics.measured()
-    return tuple(ball for ball in load(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics))
+    return tuple(ball for ball in load(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics, window))

@@ -6,14 +6,16 @@ are refused, and an error names file and path: `fast.yaml: launcher.rate: -3 is 
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from tt_core.errors import TtError, check_choice, check_range
 from tt_core.physics import Physics
+from tt_core.robots import DEFAULT, ArmFile, arm_file, read_arm, robots
 from tt_core.states import BallState, ReturnGoal
-from tt_core.strict_yaml import build, find, names, not_in_file, read
+from tt_core.strict_yaml import BadFile, build, find, names, not_in_file, read
 from tt_racket.goal import GoalParams
 from tt_racket.intercept import InterceptParams
 from tt_sim.world.launcher import KINDS, MIXED, LauncherParams, row
@@ -41,7 +43,7 @@ class Robot:
         learning: Whether flights and returns change what the robot believes of air, table and rubber for the next balls of a session;
             takes feedback.
         margin: Share of the joint speeds that a new posture keeps for corrections.
-        intercept: Where strokes are looked for.
+        intercept: Where strokes are looked for; None: in the hit window of the arm, at its racket speed.
         default_goal: What is asked of returns without a goal.
     """
 
@@ -55,7 +57,7 @@ class Robot:
     interval: float = 0.03
     learning: bool = False
     margin: float = 0.0
-    intercept: InterceptParams = field(default_factory=InterceptParams)
+    intercept: InterceptParams | None = None
     default_goal: GoalParams = field(default_factory=GoalParams)
 
     def __post_init__(self) -> None:
@@ -83,7 +85,7 @@ class Scenario:
         goal: Of the returns; None: that of `tt_racket.goal` for the measured spin.
         world: What is true.
         robot: Its models and methods.
-        arm: Path of an arm file, see docs/arms.md; "pa10" for the PA10.
+        arm: Name of an arm, or path of an arm file or its folder, see docs/arms.md.
         launcher: Where it stands, and its rate.
         session: Balls whose coefficients vary about those of one session; None without a rate: each ball is a session of its own. At the
             launcher's rate one arm meets them all, by default SESSION; without a rate the arm waits for each.
@@ -99,7 +101,7 @@ class Scenario:
     goal: ReturnGoal | None = None
     world: WorldParams = field(default_factory=WorldParams)
     robot: Robot = field(default_factory=Robot)
-    arm: str = "pa10"
+    arm: str = DEFAULT
     launcher: LauncherParams = field(default_factory=LauncherParams)
     session: int | None = None
     images: bool = True
@@ -131,6 +133,16 @@ class Scenario:
         return self.scale if isinstance(self.scale, tuple) else (self.scale,)
 
     @property
+    def arm_file(self) -> ArmFile:
+        """What is known of the arm beside its URDF. Raises BadFile."""
+        return _arm_file(self.arm)
+
+    @property
+    def intercept(self) -> InterceptParams:
+        """Where strokes are looked for. Raises BadFile."""
+        return self.robot.intercept or InterceptParams.of(self.arm_file.hit_window, self.arm_file.racket_speed)
+
+    @property
     def balls(self) -> int:
         """Balls of a session."""
         return self.session or (SESSION if self.launcher.rate else 1)
@@ -146,12 +158,28 @@ class Scenario:
         return kind, self.scales[seed // len(KINDS) % len(self.scales)]
 
 
+@functools.cache
+def _arm_file(arm: str) -> ArmFile:
+    return read_arm(arm)[0]
+
+
+def _is_arm(name: str) -> bool:
+    """Return whether a name or path is that of an arm, and not of models and methods."""
+    if name in names(HOME / "robots"):
+        return False
+    try:
+        path = arm_file(name)
+    except BadFile:
+        return False
+    return name in robots() or Path(name).is_dir() or "urdf" in read(path)
+
+
 def load(name: str, robot: str | None = None, world: str | None = None, images: bool | None = None) -> Scenario:
     """Read a scenario.
 
     Args:
         name: Of a file in `scenarios/`, without suffix, or the path of another one.
-        robot: Name or path of the robot, instead of the scenario's.
+        robot: Name or path of models and methods, instead of the scenario's; or of an arm, which then plays with those of the scenario.
         world: Name or path of the world, instead of the scenario's.
         images: Whether images are rendered, instead of the scenario's choice.
 
@@ -160,11 +188,12 @@ def load(name: str, robot: str | None = None, world: str | None = None, images: 
     """
     file = find(name, HOME / "scenarios")
     content = read(file)
-    for key, other in (("robot", robot), ("world", world), ("images", images)):
+    key_of_robot = "arm" if robot is not None and _is_arm(robot) else "robot"
+    for key, other in ((key_of_robot, robot), ("world", world), ("images", images)):
         if other is not None:
             content[key] = other
     arm = content.get("arm")
-    if isinstance(arm, str) and (file.parent / arm).is_file():
+    if isinstance(arm, str) and arm not in robots() and not Path(arm).exists() and (file.parent / arm).exists():
         content["arm"] = str(file.parent / arm)
     for key, kind, folder in (("world", WorldParams, WORLDS), ("robot", Robot, HOME / "robots")):
         part = content.get(key)

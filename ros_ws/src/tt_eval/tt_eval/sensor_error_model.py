@@ -241,22 +241,28 @@ def _last_of_burst(whole: npt.NDArray[np.bool_], points: Array, eyes: Array, lig
     return -1
 
 
-@functools.cache
-def _default_light() -> Illumination:
-    return illumination(Lamps(), Texture.plain())
+@functools.lru_cache(maxsize=1)
+def _light(lamps: Lamps) -> Illumination:
+    return illumination(lamps, Texture.plain())
 
 
-def last_frame(ball: BallState, cameras: tuple[Camera, ...], physics: Physics, frames: int = BurstParams.frames) -> float | None:
+def last_frame(
+    ball: BallState,
+    cameras: tuple[Camera, ...],
+    physics: Physics,
+    frames: int = BurstParams.frames,
+    lamps: Lamps | None = None,
+) -> float | None:
     """Return the time (s) of the last frame of the burst that the cameras make of a ball.
 
-    The burst is made of the first frames that both cameras can use: all of the ball is in view, and the lamps do not overexpose it. Cameras
-    are moved along with the ball, the lamps of the default scene are not; so a quarter of the balls of real play are lost.
+    The burst is made of the first frames that both cameras can use: all of the ball is in view, and the lamps do not overexpose it.
 
     Args:
         ball: At its launch.
         cameras: Where they stand.
         physics: Of the ball.
         frames: Of a burst.
+        lamps: The light; None for that of the default scene.
 
     Returns:
         The time; None when there are not enough such frames.
@@ -264,5 +270,5 @@ def last_frame(ball: BallState, cameras: tuple[Camera, ...], physics: Physics, f
     times = np.arange(1, FRAMES) / FRAME_RATE
     points = places(ball.vector, times, physics.air.coefficients)
     whole = np.logical_and.reduce([_whole(camera.vector, camera.width, camera.height, points) for camera in cameras])
-    last = _last_of_burst(whole, points, np.array([camera.position for camera in cameras]), _default_light(), frames)
+    last = _last_of_burst(whole, points, np.array([camera.position for camera in cameras]), _light(lamps or Lamps()), frames)
     return None if last < 0 else ball.time + float(times[last])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from tt_core.arrays import POSITION, SPIN, VELOCITY
 from tt_core.errors import BadChoice, check_range
 from tt_core.failures import Failure
-from tt_core.hit_windows import HIT_WINDOWS
+from tt_core.hit_windows import HIT_WINDOWS, RACKET_SPEED, HitWindow
 from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
@@ -46,7 +46,7 @@ class InterceptParams:
         _NEAR.z_high, "m", "highest z of the ball at the hit; the arm reaches everything from its base", low=0.0, high=5.0
     )
     spacing: float = param(0.012, "s", "time between two points of the path at which a stroke is tried", low=0.001, high=0.2)
-    racket_speed: float = param(3.5, "m/s", "highest racket speed of the strokes that are offered to the arm", low=0.1, high=20.0)
+    racket_speed: float = param(RACKET_SPEED, "m/s", "highest racket speed of the strokes that are offered to the arm", low=0.1, high=20.0)
     relaxed: int = param(
         4,
         "",
@@ -89,7 +89,12 @@ class InterceptParams:
         """
         if name not in HIT_WINDOWS:
             raise BadChoice("window", name, tuple(HIT_WINDOWS))
-        return cls(**HIT_WINDOWS[name]._asdict())
+        return cls.of(HIT_WINDOWS[name])
+
+    @classmethod
+    def of(cls, window: HitWindow, racket_speed: float = RACKET_SPEED) -> InterceptParams:
+        """Return the default parameters with another window and racket speed (m/s), as an arm file has them."""
+        return cls(**asdict(window), racket_speed=racket_speed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

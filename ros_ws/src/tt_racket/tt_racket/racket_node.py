@@ -9,7 +9,9 @@ import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
+from tt_core.hit_windows import HIT_WINDOWS
 from tt_core.params import check, param
+from tt_core.robots import read_arm
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
@@ -44,11 +46,23 @@ class RacketLine(Enum):
 class RacketParams:
     """Where strokes are looked for."""
 
-    window: str = param("near", "", "default hit window: near the table, or all that the arm reaches", choices=("near", "reachable"))
+    robot: str = param("", "", "name of an arm, or path of an arm file or its folder, see docs/arms.md; empty: pa10")
+    window: str = param(
+        "robot",
+        "",
+        "default hit window: that of the arm file, near the table, or all that the PA10 reaches",
+        choices=("robot", "near", "reachable"),
+    )
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
+
+    @property
+    def intercept(self) -> InterceptParams:
+        """Return what the parameters of the window and the racket speed are where none are given. Raises BadFile."""
+        arm, _ = read_arm(self.robot)
+        return InterceptParams.of(arm.hit_window if self.window == "robot" else HIT_WINDOWS[self.window], arm.racket_speed)
 
 
 class RacketNode(Node):
@@ -58,7 +72,7 @@ class RacketNode(Node):
         """Declare parameters, load the kernels, then subscribe."""
         super().__init__("racket")
         self.physics = declare_physics(self)
-        self.params = declare(self, InterceptParams.window(declare(self, RacketParams).window))
+        self.params = declare(self, declare(self, RacketParams).intercept)
         self.goal_params = declare(self, GoalParams, "goal.", changed=self.on_goal_params)
         self.relaxation = declare(self, RelaxationParams, "relaxation.")
         self.errors = declare(self, StrikeErrorParams, "errors.")

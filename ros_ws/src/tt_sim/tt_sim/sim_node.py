@@ -29,6 +29,7 @@ from tt_arm.arm_file import load_arm
 from tt_arm.joints import Joints
 from tt_core.errors import TtError
 from tt_core.physics import Physics
+from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
     ball_to_message,
@@ -94,7 +95,9 @@ class SimNode(Node):
         self.launcher = declare(self, LauncherParams, "launcher.", changed=self.on_launcher)
         self.arm = load_arm(self.params.robot)
         plant = Plant(self.arm, self.world.plant)
-        self.drive = Drive(self.arm.names, plant.limits.speed, declare(self, DriveParams))
+        given, _ = read_arm(self.params.robot)
+        drives = declare(self, DriveParams(command_timeout=given.command_timeout))
+        self.drive = Drive(self.arm.limits.reduced(speed=self.world.plant.speed_share), drives)
         world = self.world
         renderer = LaunchRenderer(self.params.seed, self.launcher, world.physics, world.domain_randomization, world.cameras)
         self.launches = LaunchStore(

@@ -16,7 +16,7 @@ class SimParams:
 
     rtf: float = param(1.0, "", "simulated seconds per real second", low=0.01, high=10.0)
     seed: int = param(0, "", "seed of all random numbers of the simulator", low=0, high=2**31)
-    robot: str = param("", "", "path of an arm file, see docs/arms.md; empty: the PA10")
+    robot: str = param("", "", "name of an arm, or path of an arm file or its folder, see docs/arms.md; empty: pa10")
     world: str = param("", "", "name or path of a world file; empty: the parameters physics, air.*, table.*, racket.* and plant.* apply")
     shots: tuple[str, ...] = param(
         ("top 3", "back 3", "left 3", "top 5", "back 4", "right 4"), "", "kind and scale of each launch, in turn", dynamic=True

@@ -26,6 +26,7 @@ from std_msgs.msg import String
 from tt_core.errors import TtError
 from tt_core.params import check, param
 from tt_core.revision import revision
+from tt_core.robots import read_arm
 from tt_core.ros.bags import BagError
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.node_main import run
@@ -34,14 +35,13 @@ from tt_core.ros.qos import compatible
 
 from .bagfile import RESERVE, SplitRule
 from .node_parameters import ParameterCollector
-from .packages import NotFound, interface, share
+from .packages import NotFound, interface
 from .qos import ALL
 from .record import QUEUE, Recording, State
 from .reindex import compress
 
 POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
 TELL = 1.0  # s between two reports while messages are lost
-DEFAULT_URDF = "urdf/pa10.urdf"  # in the share of tt_arm, of an arm whose parameter `urdf` is empty
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
@@ -150,11 +150,11 @@ class RecordNode(Node):
             self._collector.look()
 
     def _on_parameters(self, node: str, values: dict[str, Any], text: str) -> None:
-        """Attach the parameters of a node, and the description of the arm that its parameter `urdf` names."""
+        """Attach the parameters of a node, and the description of the arm that its parameter `robot` names."""
         self._recording.attach(f"parameters{node}.yaml", "application/yaml", text)
-        if "urdf" in values and not self._described:
-            with suppress(OSError, UnicodeDecodeError, NotFound):
-                self._describe((Path(values["urdf"]) if values["urdf"] else share("tt_arm") / DEFAULT_URDF).read_text())
+        if "robot" in values and not self._described:
+            with suppress(OSError, UnicodeDecodeError, TtError):
+                self._describe(read_arm(values["robot"])[1].read_text())
 
     def _describe(self, urdf: str) -> None:
         """Attach the description of the arm."""

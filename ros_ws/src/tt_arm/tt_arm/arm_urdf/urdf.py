@@ -314,7 +314,8 @@ def read(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions
     joints = tuple(_limits(tree, name, options.limits.get(name, {})) for name in moving)
     for name, element in tree.links.items():
         for visual in element.findall("visual"):
-            element.remove(visual)
+            if not _is_found(tree, visual):
+                element.remove(visual)
         _find_meshes(tree, name)
     return Description(urdf, ET.tostring(tree.robot, encoding="unicode"), joints)
 
@@ -374,10 +375,10 @@ def _put_racket(tree: _Tree, tip: str, mount: pin.SE3 | None) -> None:
     while name in tree.joints:
         name += "_"
     disc = RACKET_MASS * RACKET_RADIUS**2  # kg m^2
+    blade = f'<geometry><cylinder radius="{RACKET_RADIUS}" length="{RACKET_THICKNESS}"/></geometry>'
     link = ET.fromstring(
         f'<link name="{RACKET}"><inertial><mass value="{RACKET_MASS}"/><inertia ixx="{disc / 4}" iyy="{disc / 4}" izz="{disc / 2}" '
-        f'ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><cylinder radius="{RACKET_RADIUS}" length="{RACKET_THICKNESS}"/>'
-        "</geometry></collision></link>"
+        f'ixy="0" ixz="0" iyz="0"/></inertial><visual>{blade}</visual><collision>{blade}</collision></link>'
     )
     joint = ET.fromstring(f'<joint name="{name}" type="fixed"><parent link=""/><child link="{RACKET}"/></joint>')
     joint[0].set("link", tip)
@@ -470,9 +471,19 @@ def _limits(tree: _Tree, name: str, given: Mapping[str, float]) -> JointDescript
     return JointDescription(name, MOVING[kind], low, high, speed, effort, values.get("acceleration"), values.get("jerk"))
 
 
+def _is_found(tree: _Tree, visual: ET.Element) -> bool:
+    """Write the absolute path of a visual element's mesh; return whether it is there: what is only looked at may be missing."""
+    for mesh in visual.iter("mesh"):
+        try:
+            mesh.set("filename", str(resolve(mesh.get("filename", ""), Path(tree.urdf))))
+        except MeshNotFound:
+            return False
+    return True
+
+
 def _find_meshes(tree: _Tree, link: str) -> None:
-    """Write the absolute path of each mesh."""
-    for mesh in tree.links[link].iter("mesh"):
+    """Write the absolute path of each mesh of the collision elements."""
+    for mesh in tree.links[link].iterfind("collision//mesh"):
         name = mesh.get("filename", "")
         try:
             mesh.set("filename", str(resolve(name, Path(tree.urdf))))

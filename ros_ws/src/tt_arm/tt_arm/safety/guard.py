@@ -7,14 +7,14 @@ until `reset`.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tt_core.failures import Failure
 from tt_core.params import check, param
 from tt_core.states import Array
 
-from ..joints import JointLimits, Joints
+from ..joints import NO_ACCELERATION_LIMIT, JointLimits, Joints
 from ..model import ArmModel
 from ..trajectory.limits import SwingLimits
 from .clearance import OBSTACLES, braking_clearance, clearance
@@ -24,6 +24,7 @@ from .stops import ArmStop
 LONGEST_STEP = 0.05  # s, after which a command may not differ from the last one by more than it may after this
 FIRST_STEP = 0.005  # s, for which the first command of a stop brakes at most
 LONGEST_GUESS = 0.3  # s after the last measurement, for which commands tell where the arm is; then it is at rest
+STEEPER = 2.0  # changes of commands in terms of the accelerations that the description of an arm states: the servo corrects errors
 MOST_SENT = 200  # commands that are kept, 0.4 s of them: joint states may be 0.1 s old
 LEAST_SIGHTINGS = 3  # joint states in a row that must show a damage
 CUTS = {SPEED: ArmStop.SPEED_CUT, POSITION: ArmStop.POSITION_CUT, ACCELERATION: ArmStop.ACCELERATION_CUT}
@@ -36,7 +37,8 @@ class GuardParams:
     acceleration: float = param(
         40.0,
         "rad/s^2",
-        "steepest change of a command that follows a swing; at least `swing.acceleration`, which is checked at the start",
+        "steepest change of a command that follows a swing, for joints whose description states no acceleration; at least "
+        "`swing.acceleration`, which is checked at the start",
         low=0.1,
         high=1000.0,
     )
@@ -69,7 +71,9 @@ class GuardParams:
 
     def of_joints(self, model: ArmModel, speed_scale: float = 1.0) -> JointLimits:
         """Return the limits that commands must keep; the acceleration is that of a change of the command."""
-        return model.limits.reduced(speed=speed_scale, margin=self.margin).with_acceleration(self.acceleration)
+        limits = model.limits.reduced(speed=speed_scale, margin=self.margin)
+        stated = limits.acceleration < NO_ACCELERATION_LIMIT
+        return replace(limits, acceleration=np.where(stated, STEEPER * limits.acceleration, self.acceleration))
 
 
 class Guard:

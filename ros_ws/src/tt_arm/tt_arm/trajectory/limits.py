@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from tt_core.constants import COMMAND_TIMEOUT
 from tt_core.params import check, param
 
-from ..joints import ACCELERATION, COMMAND_TIMEOUT, HOLD_RESERVE, JERK, JointLimits
+from ..joints import ACCELERATION, HOLD_RESERVE, JERK, JointLimits
 from ..model import ArmModel
 from .legs import PROFILES
 
@@ -36,11 +37,12 @@ class SwingLimits:
     acceleration: float = param(
         ACCELERATION,
         "rad/s^2",
-        "acceleration limit of each joint; a swing then needs 0.76 of the rated torque at most (assumed inertias), our choice",
+        "acceleration limit of each joint whose description states none; the PA10 needs 0.76 of its rated torque at most with this one "
+        "(assumed inertias)",
         low=0.1,
         high=1000.0,
     )
-    speed_share: float = param(1.0, "", "share of the speed limits of Table A.12 that a swing may use", low=0.01, high=1.0)
+    speed_share: float = param(1.0, "", "share of the speed limits that a swing may use", low=0.01, high=1.0)
     unhurried: float = param(
         1.4, "", "duration of a leg from rest to the strike, in its least times, where there is time enough", low=1.0, high=10.0
     )
@@ -81,7 +83,8 @@ class SwingLimits:
     jerk: float = param(
         JERK,
         "rad/s^3",
-        'jerk limit of each joint, not used by the profile "polyline"; our choice: 5 ms from rest to the full acceleration',
+        'jerk limit of each joint whose description states none, not used by the profile "polyline"; our choice: 5 ms from rest to '
+        "20 rad/s^2",
         low=1.0,
         high=1000000.0,
     )

@@ -10,14 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
-from tt_arm.arm_node import ArmParams
-from tt_arm.description import placed_description
-from tt_arm.model import URDF
 from tt_core.errors import TtError
-from tt_core.params import from_values
 from tt_eval.page import Section, Table, figure_data, html_page, script_call, write_page
 
-from ..reprocess import all_parameters, attachments
+from ..reprocess import all_parameters, attachments, recorded_description
 from .arm_pose import ArmPose
 from .ball_images import BallImages, read_ball_images
 from .figures import from_above, from_the_side, joint_figures, landings, latencies, prediction_error
@@ -91,9 +87,7 @@ def recorded_arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> Arm
     try:
         if run.urdf:
             return ArmPose(run.urdf, run.joint_names)
-        params = from_values(ArmParams, values["arm"])
-        urdf = placed_description(Path(params.urdf or str(URDF)).read_text(), params.base, params.mount)
-        return ArmPose(urdf, run.joint_names)
+        return ArmPose(recorded_description(None, values), run.joint_names)
     except (TtError, OSError):
         return None
 

@@ -7,8 +7,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
-from tt_arm.description import placed_description
-from tt_arm.model import BASE, MOUNT, URDF
+from tt_arm.model import ArmModel
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.convert import (
@@ -40,7 +39,7 @@ class SceneInputs:
     """
 
     def __init__(self, node: Node, physics: Physics, status: Status, interval: float) -> None:
-        """Subscribe. Until robot_description arrives, the arm is the PA10 of tt_arm.
+        """Subscribe. Until robot_description arrives, the arm is the PA10.
 
         Args:
             node: The node that shows the scene.
@@ -48,7 +47,7 @@ class SceneInputs:
             status: Where refused messages are published.
             interval: s between two joint states that are read.
         """
-        self._node, self._urdf = node, placed_description(URDF.read_text(), BASE, MOUNT)
+        self._node, self._urdf = node, ArmModel.pa10().placed_description
         self.scene = Scene(RobotShapes(self._urdf), physics)
         self.refused = Refusals(status, "message")
         warm(physics)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from tt_arm.joints import ACCELERATION, COMMAND_TIMEOUT
+from tt_arm.joints import ACCELERATION, JointLimits
+from tt_core.constants import COMMAND_TIMEOUT
 from tt_core.errors import check_array, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
@@ -28,7 +28,7 @@ class DriveParams:
     braking: float = param(
         ACCELERATION,
         "rad/s^2",
-        "deceleration of each joint without a command; the guard counts on `swing.acceleration`",
+        "deceleration without a command of each joint whose description states no acceleration; the guard counts on `swing.acceleration`",
         low=0.1,
         high=1000.0,
     )
@@ -45,17 +45,17 @@ class Drive:
         sole: Whether at most one controller commands. While more do, the drives brake.
     """
 
-    def __init__(self, names: Sequence[str], speeds: Array, params: DriveParams | None = None) -> None:
+    def __init__(self, limits: JointLimits, params: DriveParams | None = None) -> None:
         """Begin without a command.
 
         Args:
-            names: Of the joints.
-            speeds: (n,) rad/s, at which commands are cut.
+            limits: Of the joints: at their speeds commands are cut.
             params: What happens without a command.
         """
         self.params = params or DriveParams()
         self.sole = True
-        self._names, self._speeds = names, speeds
+        self._names, self._speeds = limits.names, limits.speed
+        self._deceleration = limits.reduced(acceleration=self.params.braking).acceleration
         self._given: tuple[Array, float] | None = None  # the newest command and when it came
         self._ramp: Array | None = None  # rad/s, while the joints brake
 
@@ -92,7 +92,7 @@ class Drive:
         if self.sole and given is not None and now - given[1] <= timeout:
             self._ramp = None
             return given[0]
-        step = self.params.braking * duration
+        step = self._deceleration * duration
         last = np.array(qdot) if self._ramp is None else self._ramp
         self._ramp = last - np.clip(last, -step, step)
         return self._ramp

@@ -30,7 +30,11 @@ class PlantParams:
 
     time_constant: float = param(0.005, "s", "lag of the joint velocity loops, an assumption", low=0.0001, high=1.0)
     acceleration: float = param(
-        40.0, "rad/s^2", "acceleration that each joint reaches, an assumption: twice what a swing uses", low=0.1, high=10000.0
+        40.0,
+        "rad/s^2",
+        "acceleration of each joint whose description states none, an assumption: twice that of swings",
+        low=0.1,
+        high=10000.0,
     )
     speed_share: float = param(1.0, "", "share of the speed limits that the drives reach", low=0.01, high=1.0)
     torque_share: float = param(0.0, "", "share of the rated torque that the motors have; 0: no limit", low=0.0, high=100.0)
