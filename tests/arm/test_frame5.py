@@ -56,7 +56,7 @@ def test_swings_all_over_the_box_need_no_more_than_the_rated_efforts():
         for time in np.arange(0.0, swing.end_time, 0.004):
             at = swing.joints(time)
             worst = np.maximum(worst, np.abs(pin.rnea(ARM.pinocchio, data, np.array(at.q), np.array(at.qdot), np.array(at.qddot))))
-    assert made >= 0.9 * count  # 93 of 100 on the day; most others need more room in x, for a held command
+    assert made >= 0.9 * count  # 97 of 100 on the day; the others come near a limit at the upper corners of the box
     assert np.all(worst <= ARM.limits.effort * (1.0 + 1e-9)), worst / ARM.limits.effort
 
 
