@@ -164,3 +164,17 @@ def test_a_clock_before_1970_does_not_end_a_node(start, probe, until):
 
     until(follows, probe)
     assert node.poll() is None
+
+
+def test_a_first_estimate_has_a_path_and_what_replaces_it_another(start, probe, until):
+    start("tt_predict.predict_node", "--ros-args", "-p", "first:=true")
+    got = []
+    probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
+    first, state = (probe.create_publisher(Odometry, topic, RELIABLE) for topic in ("/ball/first", "/ball/state"))
+    until(lambda: all(p.get_subscription_count() == 1 for p in (first, state)) and probe.count_publishers("/ball/path") == 1, probe)
+    rough = BallState(BALL.time, BALL.position, BALL.velocity + [0.05, 0.0, 0.0], BALL.spin)
+    for publisher, ball in ((first, rough), (state, BALL)):
+        count = len(got)
+        publisher.publish(ball_to_message(ball))
+        until(lambda count=count: len(got) > count, probe)
+        assert path_from_message(got[-1]).velocities[0] == pytest.approx(ball.velocity, abs=1e-9)

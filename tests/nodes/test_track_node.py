@@ -30,8 +30,8 @@ def test_pixels_in_are_the_ball_out_and_nonsense_is_survived(start, probe, until
     probe.create_subscription(DiagnosticArray, "/diagnostics", arrays.append, RELIABLE)
     infos = [probe.create_publisher(CameraInfo, f"/camera/{name}/camera_info", LATCHED) for name in WIDE_SIDES]
     pixels = [probe.create_publisher(PointStamped, f"/camera/{name}/ball", SENSOR) for name in WIDE_SIDES]
-    measured = probe.create_publisher(Odometry, "/ball/measured", RELIABLE)
-    until(lambda: all(p.get_subscription_count() == 1 for p in [*infos, *pixels, measured]), probe)
+    first_estimate, measured = (probe.create_publisher(Odometry, f"/ball/{name}", RELIABLE) for name in ("first", "measured"))
+    until(lambda: all(p.get_subscription_count() == 1 for p in [*infos, *pixels, first_estimate, measured]), probe)
     until(lambda: probe.count_publishers("/ball/state") == 1, probe)
 
     def statuses():
@@ -66,3 +66,12 @@ def test_pixels_in_are_the_ball_out_and_nonsense_is_survived(start, probe, until
     until(lambda: any(message.header.stamp.sec == 300 for message in got), probe)
     (state,) = [ball_from_message(message) for message in got if message.header.stamp.sec == 300]
     assert np.abs(state.vector - START).max() < 1e-6
+
+    # a first estimate starts it, and the refined measurement of the same ball replaces it
+    rough = BallState.from_vector(400.0, START + [0.01, 0.0, 0.0, 0.05, 0.0, 0.0, 5.0, 0.0, 0.0], np.diag(np.full(9, 1e-2)))
+    first_estimate.publish(ball_to_message(rough))
+    until(lambda: any(message.header.stamp.sec == 400 for message in got), probe)
+    assert np.abs(ball_from_message(got[-1]).vector - rough.vector).max() < 1e-6
+    measured.publish(ball_to_message(BallState.from_vector(400.0, START, np.diag(np.full(9, 1e-6)))))
+    until(lambda: sum(message.header.stamp.sec == 400 for message in got) == 2, probe)
+    assert np.abs(ball_from_message(got[-1]).vector - START).max() < 1e-6

@@ -8,8 +8,8 @@ from tt_core.constants import RPM
 from tt_eval.synthetic_bursts import calibrated_lamps
 from tt_sim.render import Lamps, Texture
 from tt_vision.detection.illumination import LAMP, Illumination, refit_illumination, shade
+from tt_vision.first_look import look_at
 from tt_vision.measure import measure
-from tt_vision.motion_fit import fit_motion
 from tt_vision.spin.registration import SearchParams
 from tt_vision.spin.surface_map import map_surface
 
@@ -17,8 +17,8 @@ ONCE = SearchParams(second_look=False)
 
 
 def seen(shot, lamps=None):
-    motion = fit_motion(shot.burst)
-    return motion, map_surface(shot.burst, motion, lamps)
+    first = look_at(shot.burst, lamps=lamps).estimate(shot.burst)
+    return first.motion, map_surface(shot.burst, first.motion, first.light)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_light_fitted_to_known_marks_is_the_light_that_made_them(film):
     rng = np.random.default_rng(0)
     harmonics, gloss = np.zeros((2, 16)), np.zeros((2, 4))
     harmonics[:, 0], harmonics[:, 1:4], gloss[:, 0], gloss[:, 1:] = 120.0, rng.normal(0.0, 20.0, (2, 3)), 15.0, rng.normal(0.0, 5.0, (2, 3))
-    true, centres = Illumination(harmonics, gloss, np.ones(12), np.zeros((2, 0), dtype=LAMP)), surface.sharp.views["centre"]
+    true, centres = Illumination(harmonics, gloss, np.ones(12), np.zeros((2, 0), dtype=LAMP)), surface.images.views["centre"]
     white, shine = shade(surface.normals, centres, true)
     marks = np.where(rng.random(white.shape) < 0.3, 0.1, 1.0).astype(np.float32)
     dark = true._replace(harmonics=harmonics * 0.0, gloss=gloss * 0.0)
@@ -65,17 +65,17 @@ def test_light_fitted_to_known_marks_is_the_light_that_made_them(film):
 def test_known_lamps_are_left_as_they_are(film):
     _, surface = seen(film(75), calibrated_lamps(Lamps()))
     assert surface.illumination.is_calibrated
-    again = refit_illumination(surface.illumination, surface.stack, surface.normals, surface.sharp.marks["brightness"])
+    again = refit_illumination(surface.illumination, surface.stack, surface.normals, surface.images.marks["brightness"])
     assert again is surface.illumination
 
 
 def test_a_ball_moved_by_a_part_of_a_pixel_keeps_its_marks(rendered):
     motion, surface = seen(rendered)
     aside = dataclasses.replace(motion, position=motion.position + [0.0, 0.0, 1e-4])
-    moved, fresh = surface.moved_to(aside, rendered.burst).sharp, surface.moved_to(motion, rendered.burst).sharp
-    assert moved.marks is surface.sharp.marks
-    for name in surface.sharp.views.dtype.names:
-        assert fresh.views[name] == pytest.approx(surface.sharp.views[name], abs=1e-12)
-    for m, shift in enumerate(moved.views["centre"] - surface.sharp.views["centre"]):
+    moved, fresh = surface.moved_to(aside, rendered.burst).images, surface.moved_to(motion, rendered.burst).images
+    assert moved.marks is surface.images.marks
+    for name in surface.images.views.dtype.names:
+        assert fresh.views[name] == pytest.approx(surface.images.views[name], abs=1e-12)
+    for m, shift in enumerate(moved.views["centre"] - surface.images.views["centre"]):
         camera = rendered.cameras[m // len(rendered.times)]
         assert shift == pytest.approx(camera.rotation @ [0.0, 0.0, 1e-4], abs=1e-9)

@@ -14,8 +14,8 @@ from tt_core.so3 import left_jacobian, rotation_matrix
 from tt_eval.synthetic_bursts import BurstConditions, bursts, render_burst
 from tt_sim.render import Lamp, Lamps, Noise, Texture
 from tt_vision.capture.burst import TimesNotRising
+from tt_vision.first_look import look_at
 from tt_vision.measure import measure
-from tt_vision.motion_fit import fit_motion
 from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin import SearchParams, SpinReason, estimate_spin
 from tt_vision.spin.comparison import compare_all
@@ -189,11 +189,12 @@ def test_too_fast_to_tell_is_refused(film):
 
 def test_the_step_of_the_refinement_leads_to_the_spin(rendered):
     """From 20 rpm away in any direction one Gauss-Newton step comes most of the way; the other points on the ball move it by 4."""
-    surface = map_surface(rendered.burst, fit_motion(rendered.burst))
+    first = look_at(rendered.burst).estimate(rendered.burst)
+    surface = map_surface(rendered.burst, first.motion, first.light)
     best = estimate_spin(rendered.frames, rendered.times, rendered.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
-        found = compare_all(start, points, surface.sharp)
+        found = compare_all(start, points, surface.images)
         assert np.linalg.norm(start - np.linalg.solve(found.normal_matrix, found.gradient) - best) / RPM < 8.0
 
 

@@ -45,6 +45,7 @@ class PredictParams:
     until_x: float = param(
         PATH_END_X, "m", "x of the plane in `table` at which a path ends; past every hit window of the racket node", low=-100.0, high=100.0
     )
+    first: bool = param(False, "", "whether first estimates, ball/first, are predicted, too; a tracker takes them itself")
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -54,7 +55,7 @@ class PredictParams:
 class PredictNode(Node):
     """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics.
 
-    The same path goes to ball/path_poses in the form that viewers draw.
+    With the parameter `first` it subscribes to ball/first, too. The same path goes to ball/path_poses in the form that viewers draw.
     """
 
     def __init__(self) -> None:
@@ -72,14 +73,25 @@ class PredictNode(Node):
         self.path = self.create_publisher(MultiDOFJointTrajectory, "ball/path", RELIABLE)
         self.poses = self.create_publisher(Path, "ball/path_poses", RELIABLE)
         self.refused = Refusals(self.status, "state")
-        states = Input(self, Odometry, "ball/state", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.refused)
-        self.status.wait_for([states])
+        topics = {"ball/state": self.on_ball, **({"ball/first": self.on_first} if self.params.first else {})}
+        inputs = [
+            Input(self, Odometry, topic, take, RELIABLE, largest=LARGEST_STATE, refused=self.refused) for topic, take in topics.items()
+        ]
+        self.status.wait_for(inputs)
 
     def on_ball(self, message: Odometry) -> None:
-        """Predict the path and publish it."""
+        """Predict the path of a state and publish it, and tell its uncertainty."""
+        self.predict(message)
+
+    def on_first(self, message: Odometry) -> None:
+        """Predict the path of a first estimate and publish it. Its uncertainty is told with the state that replaces it."""
+        self.predict(message, first=True)
+
+    def predict(self, message: Odometry, *, first: bool = False) -> None:
+        """Publish the path of a ball, if it is wanted. first: Whether it is a first estimate."""
         try:
             ball = ball_from_message(message)
-            if ball.velocity[0] >= 0.0 or ball.position[0] <= self.params.until_x or not self.states.takes(ball):
+            if ball.velocity[0] >= 0.0 or ball.position[0] <= self.params.until_x or not (first or self.states.takes(ball)):
                 return  # it flies away, is past, is nearly the last one, or hardly known
             path = rollout(ball, self.physics, self.stop)
             shown = thinned(path)
@@ -89,7 +101,8 @@ class PredictNode(Node):
         except TtError as error:
             self.refused(error)
             return
-        self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **self.at_end(ball))
+        at_end = {} if first else self.at_end(ball)
+        self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **at_end)
         place = dict(zip("xyz", path.end.position, strict=True))
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 

@@ -33,7 +33,8 @@ from .capture.assembler import Assembler, BurstParams
 from .capture.burst import Burst
 from .detection.illumination import CalibratedLamps
 from .detection.lens_correction import Lens, straighten
-from .measure import measure_burst
+from .first_look import FirstLook
+from .measure import Measurement, first_measurement, measure_burst
 from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
 from .warm import warm
@@ -53,6 +54,7 @@ class BurstReason(Enum):
 class EstimateLine(Enum):
     """What the terminal tells."""
 
+    FIRST = "first estimate: {speed:.2f} m/s, spin {rpm:.0f} rpm"
     MEASURED = "ball measured from {frames} frames: {speed:.2f} m/s, spin {rpm:.0f} rpm (x {x:.0f}, y {y:.0f}, z {z:.0f})"
     REFUSED = "ball not measured: {reason}"
 
@@ -115,9 +117,11 @@ def read_lamps(read: Callable[..., Any]) -> CalibratedLamps | None:
 
 
 class EstimateNode(Node):
-    """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/measured.
+    """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/first and ball/measured.
 
-    There is one ball for each flight, and with the parameter `refined` a second one from more frames. The air of `physics` bends the flight
+    Each frame is looked at while the next one comes. After the last one of a burst ball/first follows at once, an estimate at half the
+    resolution, good enough to start a swing, and then ball/measured, which replaces it. There is one of each for each flight, and with the
+    parameter `refined` a second ball/measured from more frames. The air of `physics` bends the flight
     between the frames. The poses of the cameras are the parameters {left,right}.rotation and {left,right}.translation.
     """
 
@@ -132,10 +136,12 @@ class EstimateNode(Node):
         self.lenses: list[Lens | None] = [None, None]
         alone = self.assembler.params.alone
         self.sides = [SIDES.index(alone)] if alone else [0, 1]
+        self.look: FirstLook | None = None  # at the present ball
         self.held: deque[Burst] = deque(maxlen=MOST_HELD)  # bursts that came before the calibration of their cameras
         self.measured, self.refused = 0, 0
         warm(high_speed_pair())
         self.status = Status(self)
+        self.firsts = self.create_publisher(Odometry, "ball/first", RELIABLE)
         self.balls = self.create_publisher(Odometry, "ball/measured", RELIABLE)
         answer_clock_pings(self)
         self.bad_infos = [Refusals(self.status, f"camera_info of {name}") for name in SIDES]
@@ -178,6 +184,43 @@ class EstimateNode(Node):
             return
         if burst is not None:
             self.on_burst(burst)
+        else:
+            self.look_at_newest()
+
+    def look_at_newest(self) -> None:
+        """Look at the newest pair of images while the next one comes, if all lenses are known and nearly straight."""
+        pairs = self.assembler.present
+        if not pairs:
+            self.look = None
+            return
+        if len(pairs) == 1 and (self.look is None or self.look.times != [pairs[0].time]):
+            self.look = self.new_look()
+        if self.look is None or len(self.look.times) == len(pairs):
+            return
+        newest = pairs[-1]
+        if len(self.look.times) != len(pairs) - 1 or any(time >= newest.time for time in self.look.times):  # they came in disorder
+            self.look = None
+            return
+        self.look.add(newest.time, [one.image for one in newest.seen], [one.detection for one in newest.seen])
+
+    def new_look(self) -> FirstLook | None:
+        """Return a look at a new ball; None while a lens is not known, or if one is so curved that images have to be straightened."""
+        lenses = self.known_lenses()
+        if len(lenses) < len(self.sides) or not all(lens.is_nearly_straight for lens in lenses):
+            return None
+        cameras = [lens.camera(self.poses[side]) for lens, side in zip(lenses, self.sides, strict=True)]
+        return FirstLook(cameras, self.search, self.lamps)
+
+    def look_at_rest(self, burst: Burst) -> FirstLook | None:
+        """Return the look with what is left of a burst; None if the burst was not looked at while it came."""
+        look, self.look = self.look, None
+        if look is None or look.times != burst.times[: len(look.times)].tolist():
+            return None
+        for k in range(len(look.times), len(burst)):
+            look.add(float(burst.times[k]), [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
+        if self.assembler.present:  # a longer burst of the same ball follows
+            self.look = look
+        return look
 
     def on_burst(self, burst: Burst) -> None:
         """Measure a burst and publish the ball, or why there is none."""
@@ -188,7 +231,11 @@ class EstimateNode(Node):
             return
         try:
             straight = straighten(burst, lenses, [self.poses[side] for side in self.sides])
-            result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search)
+            look = self.look_at_rest(straight)
+            first = None if look is None else look.estimate(straight)
+            if first is not None and not burst.refined:
+                self.publish_first(first_measurement(straight, first, self.air), last)
+            result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search, first=first)
         except TtError as error:
             self._refuse(Failure(BurstReason.UNUSABLE, error=error), last)
             return
@@ -213,6 +260,15 @@ class EstimateNode(Node):
             rpm=np.linalg.norm(result.ball.spin) / RPM,
             **dict(zip("xyz", spin_rpm, strict=True)),
         )
+
+    def publish_first(self, result: Measurement, last: float) -> None:
+        """Publish a first estimate that is believed. last: time of the last frame, s."""
+        if result.ball is None:
+            return
+        self.firsts.publish(ball_to_message(result.ball))
+        self.status.publish(Event.FIRST_ESTIMATE, stamp=last)
+        rpm = np.linalg.norm(result.ball.spin) / RPM
+        self.status.terminal.info(EstimateLine.FIRST, speed=np.linalg.norm(result.ball.velocity), rpm=rpm)
 
     def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
         """Tell why a burst is not measured. stamp: of its last frame, s."""

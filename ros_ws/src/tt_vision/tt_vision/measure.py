@@ -2,8 +2,10 @@
 
 The stages are a line, each a function from one object to the next, and all are called here:
 
-    Burst -> detect_balls, whole_balls -> fit_motion -> map_surface -> register -> relight, limb_outlines, refit_motion
+    Burst -> detect_balls, whole_balls -> FirstLook -> map_surface -> register_again -> relight, limb_outlines, refit_motion
     -> refine_distance (of a single camera) -> estimate_from
+
+`FirstLook` gives the first estimate, at half the resolution; the stages after it work at the full one.
 """
 
 from __future__ import annotations
@@ -23,14 +25,16 @@ from .camera import Camera
 from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst, Image
 from .detection.ball_detection import DetectionReason, detect_balls, first_reason, whole_balls
 from .detection.illumination import CalibratedLamps
-from .motion_fit import BallMotion, fit_motion, motion_doubt, refit_motion
+from .first_look import FirstEstimate, look_at
+from .motion_fit import BallMotion, motion_doubt, refit_motion
 from .spin.dissertation import method_1, method_2
 from .spin.distance_refinement import refine_distance
 from .spin.estimate import SpinEstimate, SpinReason, estimate_from
 from .spin.limb_refinement import limb_outlines
-from .spin.registration import DEFAULT, Registration, SearchParams, register, register_again, register_residual
+from .spin.registration import DEFAULT, LEAST_STEP, ROUGH_STEP, Registration, SearchParams, register_again, register_residual
 from .spin.relighting import relight
-from .spin.surface_map import LEAST_CONTRAST, SurfaceMap, map_surface
+from .spin.soft_surface import softened
+from .spin.surface_map import SurfaceMap, map_surface
 
 AIR = Aerodynamics.measured()
 HOPELESS = 0.2  # residual beyond which refined outlines do not help; a ball half in the dark, 1.6 mm out of place, has 0.12
@@ -113,8 +117,36 @@ def measure(
     return measure_burst(Burst(images, times, tuple(cameras)), air=air, lamps=lamps, search=search)
 
 
+def first_measurement(burst: Burst, first: FirstEstimate, air: Aerodynamics = AIR) -> Measurement:
+    """Return what the first estimate of a burst tells by itself.
+
+    Args:
+        burst: With cameras; every image shows the whole ball.
+        first: Its first estimate.
+        air: See `measure_burst`.
+    """
+    motion, found = first.motion, first.found
+    reason = first.reason if motion is None else motion_doubt(motion) or first.reason
+    spin = None
+    if motion is not None and found is not None:
+        calibrated = first.light is not None and first.light.is_calibrated
+        cameras = len(burst.cameras)
+        spin = SpinEstimate.not_believed(found)
+        if found.is_believed:
+            spin = estimate_from(found, cameras=cameras, is_refined=False, is_light_calibrated=calibrated)
+        reason = reason or spin.reason
+    if motion is None or spin is None or reason:
+        return Measurement(None, reason, len(burst), {}, motion, spin)
+    return _measured(burst, motion, spin, air, {})
+
+
 def measure_burst(
-    burst: Burst, *, air: Aerodynamics = AIR, lamps: CalibratedLamps | None = None, search: SearchParams = DEFAULT
+    burst: Burst,
+    *,
+    air: Aerodynamics = AIR,
+    lamps: CalibratedLamps | None = None,
+    search: SearchParams = DEFAULT,
+    first: FirstEstimate | None = None,
 ) -> Measurement:
     """Measure the ball from a burst. Frames that do not show the whole ball in all images are left out.
 
@@ -123,6 +155,7 @@ def measure_burst(
         air: Bends the flight between the frames, which changes the velocity at the last one by 0.03 m/s.
         lamps: Calibrated lamps; None: the light is fitted to the burst.
         search: How much is spent on the spin.
+        first: The first estimate of a burst of which every image shows the whole ball; None: it is made here.
 
     Raises:
         BadShape: The burst has no cameras.
@@ -134,15 +167,20 @@ def measure_burst(
     whole, left_out = whole_balls(detect_balls(burst), MOST_FRAMES)
     if len(whole) < LEAST_FRAMES:
         return Measurement(None, _few_frames(len(whole), len(burst), left_out), len(whole), left_out)
-    found = _estimate(whole, lamps, search)
+    found = _estimate(whole, lamps, search, first if whole is burst else None)
     if found.motion is None or found.spin is None or found.reason:
         reason = Failure(MeasurementReason.SWAPPED) if _is_swapped(whole, lamps, search) else found.reason
         return Measurement(None, reason, len(whole), left_out, found.motion, found.spin)
-    motion = found.motion.with_acceleration(air.acceleration(found.motion.velocity, found.spin.spin), whole.times)
+    return _measured(whole, found.motion, found.spin, air, left_out)
+
+
+def _measured(burst: Burst, motion: BallMotion, spin: SpinEstimate, air: Aerodynamics, left_out: dict[DetectionReason, int]) -> Measurement:
+    """Return the measurement of a burst with motion and spin, the flight bent by the air."""
+    motion = motion.with_acceleration(air.acceleration(motion.velocity, spin.spin), burst.times)
     covariance = np.zeros((9, 9))
-    covariance[:6, :6], covariance[6:, 6:] = motion.covariance, found.spin.covariance
-    ball = BallState(motion.time, motion.position, motion.velocity, found.spin.spin, covariance)
-    return Measurement(ball, None, len(whole), left_out, motion, found.spin)
+    covariance[:6, :6], covariance[6:, 6:] = motion.covariance, spin.covariance
+    ball = BallState(motion.time, motion.position, motion.velocity, spin.spin, covariance)
+    return Measurement(ball, None, len(burst), left_out, motion, spin)
 
 
 def estimate_spin(
@@ -180,41 +218,37 @@ def estimate_spin(
         return SpinEstimate.without_covariance(*DISSERTATION[method](burst))
     if method != "registration":
         raise BadChoice("method", method, METHODS)
-    motion = fit_motion(burst)
-    if isinstance(motion, Failure):
-        return SpinEstimate.refused(motion)
-    found = _spin(burst, motion, lamps, search)
+    found = _spin(burst, look_at(burst, search, lamps).estimate(burst), search)
     return found.spin or SpinEstimate.refused(found.reason)  # type: ignore[arg-type]
 
 
-def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams) -> _Estimate:
+def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams, first: FirstEstimate | None = None) -> _Estimate:
     """Fit motion and spin to a burst with detections, of which every image shows the whole ball."""
-    motion = fit_motion(burst)
-    if isinstance(motion, Failure):
-        return _Estimate(None, None, motion)
-    if doubt := motion_doubt(motion):
-        return _Estimate(motion, None, doubt)
-    found = _spin(burst, motion, lamps, search)
+    first = first or look_at(burst, search, lamps).estimate(burst)
+    if first.motion is not None and (doubt := motion_doubt(first.motion)):
+        return _Estimate(first.motion, None, doubt)
+    found = _spin(burst, first, search)
     if found.reason or found.motion is None:
         return found
     return replace(found, reason=motion_doubt(found.motion))
 
 
-def _spin(burst: Burst, motion: BallMotion, lamps: CalibratedLamps | None, search: SearchParams) -> _Estimate:
-    """Find the spin by registration; the motion is known better with it, because outlines are found again with the marks known."""
-    surface = map_surface(burst, motion, lamps)
-    if surface.contrast < LEAST_CONTRAST:
-        spin = SpinEstimate.refused(Failure(SpinReason.NO_MARKS))
-        return _Estimate(motion, spin, spin.reason)
-    found = register(surface, search)
+def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate:
+    """Refine a first estimate; the motion is known better with it, because outlines are found again with the marks known."""
+    motion, found, light = first.motion, first.found, first.light
+    if motion is None or found is None or light is None:
+        reason: Failure = first.reason  # type: ignore[assignment]
+        return _Estimate(motion, None if motion is None else SpinEstimate.refused(reason), reason)
+    surface = map_surface(burst, motion, light)
     if search.second_look and not found.agrees and found.residual < HOPELESS:
         refined = _refine(burst, motion, surface, found, search)
         if not isinstance(refined, Failure):
             motion, surface, found = refined
-            found = register_residual(surface, found, search)
+            found = register_residual(softened(surface), found, search)
     if not found.is_believed:
         spin = SpinEstimate.not_believed(found)
         return _Estimate(motion, spin, spin.reason)
+    found = register_again(surface, found, search, ROUGH_STEP if search.second_look else LEAST_STEP)
     if search.second_look:
         refined = _refine(burst, motion, surface, found, search)
         if isinstance(refined, Failure):
@@ -222,7 +256,8 @@ def _spin(burst: Burst, motion: BallMotion, lamps: CalibratedLamps | None, searc
         motion, surface, found = refined
         if len(burst.cameras) == 1:
             motion, surface, found = refine_distance(burst, motion, surface, found, search)
-    spin = estimate_from(found, cameras=len(burst.cameras), is_refined=search.second_look, is_light_calibrated=lamps is not None)
+    calibrated = light.is_calibrated
+    spin = estimate_from(found, cameras=len(burst.cameras), is_refined=search.second_look, is_light_calibrated=calibrated)
     return _Estimate(motion, spin, None)
 
 

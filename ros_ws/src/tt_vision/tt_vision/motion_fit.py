@@ -33,6 +33,7 @@ REFIT_TRUST = 0.5  # weight of the refitted position, because the light at the o
 VAGUE_OUTLINE = 0.4  # pixels rms, of first outlines that have no say in the refitted position; 0.1 to 0.3 are usual, 0.8 half in the dark
 AIR_ERROR = 0.1  # of the acceleration by the air, standard deviation of what is taken for it
 OFFSET_ERROR = 0.1  # pixels, an offset of a camera that is as likely the outlines' as the calibration's
+LITTLE_ASIDE = 0.02  # pixels, an alignment that moves the ball by less than the noise
 MOST_OFFSET = 5.0  # pixels from a camera's outlines to where the ball is put, that a fit may have; 0.3 is usual where the light is bad
 LEAST_STEP = 1e-6  # m, and 1/100 s times that: last step of a fit; no pixel notices it
 FIRST_LEAST_STEP = 1e-4  # the same of the first fit: 0.07 pixels
@@ -196,8 +197,9 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
     """
     setup = _setup(burst, np.array(acceleration, dtype=np.float64))
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
+    circles = np.array([[(ball.u, ball.v, ball.radius) for ball in row] for row in burst.detections])
     try:
-        state[:6] = _start(burst, setup)
+        state[:6] = _start(burst, setup, circles)
     except CannotTriangulate as error:
         return Failure(MotionReason.NO_START, error=error)
     points = _first_outlines(burst, setup, state)
@@ -205,6 +207,29 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
     if isinstance(motion, Failure):
         return motion
     return _solve(_fine_outlines(burst, setup, state), burst, setup, state, motion.offsets)
+
+
+def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array) -> BallMotion | Failure:
+    """Fit the motion of the ball to outline points that were found image by image, while the frames came.
+
+    Args:
+        burst: A burst with cameras and detections, of which every image shows the whole ball.
+        points: (n,) OUTLINE_POINT of all images, those of one image one after the other.
+        circles: (cameras, frames, 3) pixels, u, v and radius of the ball in each image.
+
+    Returns:
+        The motion, or the reason why there is none.
+    """
+    setup = _setup(burst, np.array(FALL))
+    state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
+    try:
+        state[:6] = _start(burst, setup, circles)
+    except CannotTriangulate as error:
+        return Failure(MotionReason.NO_START, error=error)
+    motion = _solve(points, burst, setup, state, offsets)
+    if isinstance(motion, Failure) or np.abs(motion.alignment).max() < LITTLE_ASIDE:
+        return motion
+    return _solve(points, burst, setup, state, motion.offsets)
 
 
 def refit_motion(motion: BallMotion, points: np.ndarray, burst: Burst, is_light_calibrated: bool) -> BallMotion | Failure:
@@ -291,14 +316,14 @@ def _solve(
     return motion
 
 
-def _start(burst: Burst, setup: FitSetup) -> Array:
-    """Return position and velocity (6,) at tau = 0 from the rough centres; one camera alone takes the distance from the ball's size."""
-    pixels = np.array([[(ball.u, ball.v) for ball in row] for row in burst.detections])
+def _start(burst: Burst, setup: FitSetup, circles: Array) -> Array:
+    """Return position and velocity (6,) at tau = 0 from the rough circles; one camera alone takes the distance from the ball's size."""
+    pixels = circles[..., :2]
     if len(burst.cameras) > 1:
         at = triangulate(burst.cameras, pixels)
     else:
         camera = burst.cameras[0]
-        distance = np.median([camera.focal_pixels * BALL_RADIUS / ball.radius for ball in burst.detections[0]])
+        distance = np.median(camera.focal_pixels * BALL_RADIUS / circles[0, :, 2])
         at = (camera.rays(pixels[0]) * distance - camera.translation) @ camera.rotation
     tau = setup.tau
     basis = np.stack([np.ones_like(tau), tau], axis=1)

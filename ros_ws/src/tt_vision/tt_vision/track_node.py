@@ -45,7 +45,7 @@ class TrackParams:
 
 
 class TrackNode(Node):
-    """Subscribe to ball/measured and to camera/{wide_left,wide_right}/ball and camera_info, publish ball/state for each pair of frames.
+    """Subscribe to ball/first, ball/measured, camera/{wide_left,wide_right}/ball and camera_info, publish ball/state for each frame.
 
     The poses of the cameras are the parameters {wide_left,wide_right}.rotation and .translation.
     """
@@ -73,7 +73,8 @@ class TrackNode(Node):
             on_info, on_pixel = partial(self.on_info, side), partial(self.on_pixel, side)
             inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos))
             inputs.append(Input(self, PointStamped, pixel, on_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self.bad_pixels))
-        inputs.append(Input(self, Odometry, "ball/measured", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.bad_balls))
+        for topic in ("ball/first", "ball/measured"):
+            inputs.append(Input(self, Odometry, topic, self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.bad_balls))
         self.status.wait_for(inputs)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
@@ -92,7 +93,7 @@ class TrackNode(Node):
         self.tracker = Tracker(self.physics, self.cameras, self.params)
 
     def on_ball(self, message: Odometry) -> None:
-        """Start from a measured ball, and publish it."""
+        """Start anew from a measured ball, and publish it. The refined measurement of a ball replaces its first estimate."""
         try:
             ball = ball_from_message(message)
             self.tracker.start(ball)

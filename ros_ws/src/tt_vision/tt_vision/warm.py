@@ -10,8 +10,8 @@ from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
 from .camera import Camera
-from .capture.burst import LEAST_FRAMES
 from .detection.illumination import CalibratedLamps
+from .first_look import SEARCHED
 from .measure import measure
 from .spin.coarse_search import prepare_search
 from .tracking import Tracker
@@ -25,7 +25,7 @@ def warm(cameras: Sequence[Camera]) -> None:
     """
     axis = np.mean([camera.rotation[2] for camera in cameras], axis=0)
     start = np.mean([camera.position for camera in cameras], axis=0) + axis
-    times = np.arange(LEAST_FRAMES) / 900.0
+    times = np.arange(SEARCHED + 1) / 900.0
     frames = [[_draw(camera, start + t * np.array([0.0, 0.0, 2.0]), 100.0 * t) for t in times] for camera in cameras]
     for dtype in (np.uint8, np.uint16):
         left, right = (np.array(images, dtype=dtype) for images in frames)

@@ -28,6 +28,7 @@ GRACE = 5.0  # s from the start of a node, in which it is no warning that others
 class Event(Enum):
     """What happens to a ball on its way through the nodes; programs decide on the member, the value is for people."""
 
+    FIRST_ESTIMATE = "first estimate"
     MEASURED = "measured"
     REFINED = "refined"
     FOLLOWED = "followed"

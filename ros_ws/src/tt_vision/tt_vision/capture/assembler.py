@@ -146,6 +146,11 @@ class Assembler:
         self._drop_waiting(time, image.nbytes)
         return None
 
+    @property
+    def present(self) -> list[Views]:
+        """The pairs of the present ball that wait for its next burst, in the order in which they came."""
+        return self._pairs
+
     def _follow(self, side: int, time: float, image: Image) -> None:
         """Begin a new ball after a gap, and refuse an image unlike those of the same ball before it."""
         if time > self._last + self.params.gap:

@@ -21,6 +21,8 @@ SATURATED = 0.2  # part of the ball at full scale from which shading is lost
 LEAST_RADIUS = 8.0  # pixels, of a ball whose marks can be told apart
 MOST_RADIUS = 300.0  # pixels: to measure a burst takes 0.8 s there, and time rises with the square
 MARGIN = 3.0  # pixels of background wanted around the ball
+FAR_REACH, NEAR_REACH = 0.35, 4.0  # of the radius, and pixels: how far from a circle its outline is scanned for, at first and then
+LEAST_POINTS = RAYS // 4  # outline points that a circle needs
 
 
 class DetectionReason(Enum):
@@ -154,14 +156,28 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
     seen = find_ball(image)
     if seen.reason is not None:
         raise NoWholeBall(seen.reason)
-    about = seen.radius if radius is None else radius
-    circle = np.array([seen.u, seen.v, about])
-    for reach in (0.35 * about, 4.0):
-        points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, seen.contrast)
-        if len(points) < RAYS // 4:
-            raise TtError("no outline of the ball")
-        _fit_circle(points, circle, radius is None)
+    circle = np.array([seen.u, seen.v, seen.radius if radius is None else radius])
+    if len(fit_outline(image, circle, seen.contrast, radius is None)) < LEAST_POINTS:
+        raise TtError("no outline of the ball")
     return circle[:2]
+
+
+@njit(cache=True, nogil=True)
+def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -> np.ndarray:
+    """Fit a circle to the ball's outline in an image, and return the outline points (n,) OUTLINE_POINT close to it.
+
+    Args:
+        image: (h, w) uint8 or uint16.
+        circle: (3,) u, v and radius, pixels; it takes the result, unless fewer than LEAST_POINTS points are returned.
+        contrast: Grey levels between the background and the brightest part of the ball.
+        free: Whether the radius is fitted.
+    """
+    for reach in (FAR_REACH * circle[2], NEAR_REACH):
+        points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast)
+        if len(points) < LEAST_POINTS:
+            break
+        _fit_circle(points, circle, free)
+    return points
 
 
 @njit(cache=True, nogil=True)

@@ -101,7 +101,7 @@ class CameraLight(NamedTuple):
 
 
 def fit_illumination(stack: np.ndarray, normals: np.ndarray, cameras: int) -> Illumination:
-    """Return the light that fits the images of a ball of which most is white.
+    """Return the light that fits the images of a ball of which most is white. Every second pixel of every second row is used.
 
     Args:
         stack: (images, size, size) float32 grey levels over the background, camera by camera.
@@ -147,6 +147,29 @@ def refit_illumination(light: Illumination, stack: np.ndarray, normals: np.ndarr
         return light
     harmonics, gloss = _fit_to_marks(stack, normals, albedo, light.gains, len(light.harmonics))
     return light._replace(harmonics=harmonics, gloss=gloss)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def image_gain(stack: np.ndarray, normals: np.ndarray, harmonics: Array, gain: float) -> float:
+    """Return the gain of one more image of a camera whose light has been fitted.
+
+    Args:
+        stack: (size, size) float32 grey levels over the background.
+        normals: (size, size) NORMAL.
+        harmonics: (16,), the light of the camera.
+        gain: Of the image before.
+    """
+    above, under, size = 0.0, 1e-9, len(stack)
+    light = CameraLight(harmonics, harmonics[:GLOSS], np.zeros(0, dtype=LAMP), 0.0)
+    for j in range(0, size, 2):
+        for i in range(0, size, 2):
+            n = normals[j, i]
+            if n.cosine < LIMB:
+                continue
+            white = white_level(n.x, n.y, n.z, 0.0, 0.0, 0.0, light)
+            if WHITE * gain * white < stack[j, i] < gain * white / WHITE:
+                above, under = above + stack[j, i], under + white
+    return above / under if above > 0.0 else gain
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -252,14 +275,14 @@ def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, A
     images, size = stack.shape[0], stack.shape[1]
     frames = images // cameras
     light, gains = np.zeros((cameras, HARMONICS)), np.ones(images)
-    most = frames * ((size + 3) // 4) ** 2
+    most = frames * ((size + 1) // 2) ** 2
     columns, values, ends, h = np.empty((HARMONICS, most)), np.empty(most), np.empty(frames, dtype=np.int64), np.empty(HARMONICS)
     for c in range(cameras):
         n = 0
         for k in range(frames):
             m = c * frames + k
-            for j in range(m % 4, size, 4):
-                for i in range(m % 4, size, 4):
+            for j in range(m % 2, size, 2):
+                for i in range(m // 2 % 2, size, 2):
                     normal = normals[m, j, i]
                     if normal.cosine >= LIMB:
                         polynomials(normal.x, normal.y, normal.z, h)

@@ -34,7 +34,7 @@ class BallMarks(NamedTuple):
 
 def ball_marks(surface: SurfaceMap, found: Registration) -> BallMarks:
     """Return the marks of a registration on a surface."""
-    return BallMarks(found.marks, cube(len(found.marks), CUBE_EDGE), turned(found.spin, surface.sharp))
+    return BallMarks(found.marks, cube(len(found.marks), CUBE_EDGE), turned(found.spin, surface.images))
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")

@@ -13,15 +13,15 @@ from tt_core.so3 import rotation_matrix
 from tt_core.states import Array
 
 from ..projection import rotate, rotate_back, unpack_rotation
+from .soft_surface import SoftSurface
 from .sphere_grid import cube, fibonacci, nearest
-from .surface_map import MarkImages, SurfaceMap
 
 CELLS = 900  # of a coarse map, 0.12 rad apart
 CUBE_EDGE = 48  # texels along the edge of the cube that finds them
 COARSE_TURN, DENSE_TURN = 1.15, 1.40  # rad between two frames that the two searches cover: 9,900 and 12,000 rpm at 900 frames a second
 COARSE_STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 15,700 of them; a mark is 0.4 rad wide
-LEAST_MASS = 0.5  # pixels, weighted, on which a cell must rest
-FULL_MASS = 2.0  # pixels, weighted, from which on a cell counts fully
+LEAST_MASS = 0.25  # pixels of half the resolution, weighted, on which a cell must rest
+FULL_MASS = 1.0  # pixels of half the resolution, weighted, from which on a cell counts fully
 
 
 class Candidates(NamedTuple):
@@ -48,9 +48,10 @@ class CoarseMaps(NamedTuple):
     weights: np.ndarray
 
 
-def coarse_maps(surface: SurfaceMap) -> CoarseMaps:
+def coarse_maps(surface: SoftSurface) -> CoarseMaps:
     """Return the coarse map of each frame."""
-    return _maps(surface.sharp, cube(CELLS, CUBE_EDGE))
+    images = surface.blurred
+    return _maps(surface.brightness, surface.weights, images.views, images.frame_of, len(images.times), cube(CELLS, CUBE_EDGE))
 
 
 def score_candidates(maps: CoarseMaps, candidates: Candidates, pairs: np.ndarray) -> np.ndarray:
@@ -105,20 +106,19 @@ def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _maps(images: MarkImages, cube: np.ndarray) -> CoarseMaps:
-    """Return the mean of the marks in each cell; every second pixel is used."""
-    marks, views, frames = images.marks, images.views, len(images.times)
+def _maps(brightness: np.ndarray, shown: np.ndarray, views: np.ndarray, frame_of: np.ndarray, frames: int, cube: np.ndarray) -> CoarseMaps:
+    """Return the mean of the marks in each cell. brightness, shown: of SoftSurface, with `shown` its weights."""
     total, mass = np.zeros((CELLS, frames)), np.zeros((CELLS, frames))
-    size = marks.shape[1]
-    for m in range(len(marks)):
-        view, k = views[m], images.frame_of[m]
+    size = brightness.shape[1]
+    for m in range(len(brightness)):
+        view, k = views[m], frame_of[m]
         rotation, centre, middle = unpack_rotation(view.rotation), view.centre, view.principal_point
         sx, sy = centre[0] / centre[2], centre[1] / centre[2]
         scale = BALL_RADIUS * view.focal / centre[2]
         u0, v0 = view.focal * sx + middle[0], view.focal * sy + middle[1]
-        for j in range(m % 2, size, 2):
-            for i in range(m % 2, size, 2):
-                w = marks[m, j, i].weight
+        for j in range(size):
+            for i in range(size):
+                w = shown[m, j, i]
                 if w <= 0.0:
                     continue
                 # (a, b, c): the point of the unit sphere at this pixel, with c along the line of sight to the ball's centre;
@@ -127,7 +127,7 @@ def _maps(images: MarkImages, cube: np.ndarray) -> CoarseMaps:
                 c = -math.sqrt(max(0.0, 1.0 - a * a - b * b))
                 x, y, z = rotate_back(rotation, a + sx * c, b + sy * c, c - sx * a - sy * b)
                 cell = nearest(cube, x, y, z)
-                total[cell, k] += w * marks[m, j, i].brightness
+                total[cell, k] += w * brightness[m, j, i]
                 mass[cell, k] += w
     values, weights = np.zeros(total.shape, dtype=np.float32), np.zeros(total.shape, dtype=np.float32)
     for c in range(CELLS):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,9 @@ from tt_core.states import Array
 from ..projection import rotate, rotate_back, unpack_rotation
 from .mark_sampling import POINT_MARK, sample, sample_best
 from .surface_map import MarkImages
+
+PAIR_STEPS = 4  # of the refinement of a candidate
+STEPS = 12  # of the refinement on all images, at most; few marks seen aslant take 8
 
 
 class PairComparison(NamedTuple):
@@ -142,3 +146,62 @@ def compare_all(spin: Array, points: Array, images: MarkImages) -> Comparison:
         total += sw
     h = np.array([[h00, h01, h02], [h01, h11, h12], [h02, h12, h22]])
     return Comparison(h, np.array([g0, g1, g2]), error / max(total, 1e-12), total, drawn)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def gauss_newton_step(h: Array, g: Array, most: float) -> Array:
+    """Return the Gauss-Newton step (3,) rad/s, at most `most` long. h: (3, 3). g: (3,)."""
+    damped = h + (1e-9 * np.trace(h) + 1e-30) * np.eye(3)
+    step = np.linalg.solve(damped, g)
+    return step * min(1.0, most / max(math.sqrt(step @ step), 1e-12))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def refine_on_pairs(
+    spin: Array, points: Array, before: np.ndarray, pairs: np.ndarray, images: MarkImages, contrast: float, most: float
+) -> tuple[Array, float]:
+    """Refine a spin on pairs of frames by PAIR_STEPS of Gauss-Newton.
+
+    Args:
+        spin: (3,) rad/s, where it starts.
+        points: See `compare_pairs`.
+        before: See `compare_pairs`.
+        pairs: See `compare_pairs`.
+        images: See `compare_pairs`.
+        contrast: See `compare_pairs`.
+        most: rad/s, largest step.
+
+    Returns:
+        The spin, and its residual before the last step: 0 for marks that agree, 1 for unrelated ones.
+    """
+    residual = 1.0
+    for _ in range(PAIR_STEPS):
+        pair = compare_pairs(spin, points, before, pairs, images, contrast)
+        residual = 1.0 + pair.cost / (2.0 * max(pair.weight, 1e-12) * contrast)
+        spin = spin - gauss_newton_step(pair.normal_matrix, pair.gradient, most)
+    return spin, residual
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def refine_on_all(spin: Array, points: Array, images: MarkImages, most: float, least_step: float) -> tuple[Array, Comparison]:
+    """Refine a spin on all images by Gauss-Newton, until a step is shorter than `least_step`.
+
+    Args:
+        spin: (3,) rad/s, where it starts.
+        points: See `compare_all`.
+        images: See `compare_all`.
+        most: rad/s, largest step.
+        least_step: rad/s.
+
+    Returns:
+        The spin, and the comparison before the last step.
+    """
+    compared = compare_all(spin, points, images)
+    for step in range(STEPS):
+        if step > 0:
+            compared = compare_all(spin, points, images)
+        change = gauss_newton_step(compared.normal_matrix, compared.gradient, most)
+        spin = spin - change
+        if math.sqrt(change @ change) < least_step:
+            break
+    return spin, compared

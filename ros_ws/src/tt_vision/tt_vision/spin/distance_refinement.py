@@ -66,5 +66,5 @@ def _at(
     """Return the mean squared error of the marks with the ball at another distance, and the sum of their weights."""
     mapped = surface.moved_to(motion.at_distance(burst.cameras[0].position, factor), burst)
     spin = register_again(mapped, found, search).spin
-    compared = compare_all(spin, fibonacci(search.fine_points), mapped.sharp)
+    compared = compare_all(spin, fibonacci(search.fine_points), mapped.images)
     return compared.error, compared.weight

@@ -74,9 +74,9 @@ def limb_outlines(burst: Burst, surface: SurfaceMap, found: Registration) -> np.
         found: Its spin.
     """
     light, rows = surface.illumination, []
-    expected = _limb_brightness(surface.sharp.views, ball_marks(surface, found), light)
+    expected = _limb_brightness(surface.images.views, ball_marks(surface, found), light)
     prior = math.inf if light.is_calibrated else BEND_PRIOR
-    centres = np.ascontiguousarray(surface.sharp.views["centre"])
+    centres = np.ascontiguousarray(surface.images.views["centre"])
     for m in range(len(expected)):
         c, k = divmod(m, len(burst))
         contrast = burst.detections[c][k].contrast

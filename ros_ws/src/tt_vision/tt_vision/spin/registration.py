@@ -2,7 +2,8 @@
 
 Method 2 of the dissertation (Section 2.4) compares each image with the one before it and walks downhill from 1000 rpm. Here every
 rotation that can occur between two frames is tried on coarse maps of the sphere first; the best few are refined on pairs of frames,
-and the last one on all images of both cameras at once, with the unknown marks eliminated.
+and the last one on all images of both cameras at once, with the unknown marks eliminated. All this is done at half the resolution;
+`register_again` refines the spin on the full one.
 
 A registration is believed by two figures. Its residual tells how well the marks agree. It is taken on blurred marks, so that noise and
 the sharpness of the images hardly change it. Its rivals, spins far from it that were refined in the same way, tell whether another spin
@@ -16,28 +17,28 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from tt_core.params import check, param
 from tt_core.states import Array
 
 from .coarse_search import COARSE_STEP, COARSE_TURN, DENSE_STEP, DENSE_TURN, CoarseMaps, candidate_rotations, coarse_maps, score_candidates
-from .comparison import compare_all, compare_pairs
+from .comparison import Comparison, compare_all, compare_pairs, refine_on_all, refine_on_pairs
 from .mark_sampling import first_samples
+from .soft_surface import SoftSurface
 from .sphere_grid import fibonacci
 from .surface_map import MarkImages, SurfaceMap
 from .wide_search import ScoredSpins, aliases, score_spins
 
 CANDIDATE_DISTANCE, WIDE_DISTANCE = 0.2, 0.12  # rad a frame between kept candidates, without and with distant pairs of frames
-BEST_CANDIDATES = 10000  # that are looked through for those
 RIVALS = 2  # that are refined beside the candidates
 RIVAL_DISTANCE = 0.8  # rad a frame of a rival from the best candidate, two marks wide, so that it is not refined to the same spin
 SAME = 0.3  # rad a frame within which two spins are the same
-PAIR_STEPS = 4  # of the refinement of a candidate
-STEPS = 12  # of the refinement on all images, at most; few marks seen aslant take 8
 MOST_PAIR_STEP, MOST_STEP = 0.1, 0.05  # rad between two frames, largest step of the two refinements
 ROUGH_STEP, LEAST_STEP = 6.0, 1.0  # rad/s, last step of a refinement: of one that another follows, and of the last one
 LEAST_OVERLAP = 0.1  # of what one frame shows, that the next one must show too
 WIDE_KEPT = 40, 600  # candidates that are refined in the wide search, and where none of the first ones fits: near 120 deg a frame
 # every third frame looks alike whatever the axis, and only the little that neighbouring frames share tells it
+FIRST_POINTS = 800  # on the sphere, in the refinement on all images at half the resolution
 GATE = 0.12  # residual above which a registration is not believed
 RIVAL_SHARE = 0.3  # of a rival's residual, above which a registration is not told from the rival
 
@@ -106,44 +107,54 @@ class Registration:
         return self.agrees and not len(self.alternatives)
 
 
-class Trial(NamedTuple):
-    """A spin refined on pairs of frames, and its residual there: 0 for marks that agree, 1 for unrelated ones."""
+class Proposal(NamedTuple):
+    """What a search on some frames finds.
+
+    Attributes:
+        spin: (3,) rad/s, the best one.
+        rivals: (n, 3) rad/s, spins far from it that fit nearly as well.
+        candidates: How many were tried.
+    """
 
     spin: Array
-    residual: float
+    rivals: Array
+    candidates: int
 
 
-class Refined(NamedTuple):
-    """A spin after Gauss-Newton, and the comparison at its last step: normal matrix, mean squared error and marks."""
-
-    spin: Array
-    normal_matrix: Array
-    error: float
-    marks: np.ndarray
-
-
-def register(surface: SurfaceMap, search: SearchParams = DEFAULT) -> Registration:
+def register(surface: SoftSurface, search: SearchParams = DEFAULT, proposal: Proposal | None = None) -> Registration:
     """Find the spin of the ball from its marks.
 
     Args:
         surface: The marks.
         search: How much is spent. If no spin is found with it, a denser search with the default parameters follows, and then the wide one
             if `search.max_spin` asks for it.
+        proposal: What `propose` found on fewer frames; if it is not believed on all of them, all are searched.
     """
-    times = surface.sharp.times
-    times, maps, found = surface.sharp.times, coarse_maps(surface), list[Registration]()
+    found = list[Registration]()
+    if proposal is not None:
+        found.append(_confirm(surface, proposal, _neighbours(surface.blurred.times), search))
+        if found[-1].is_believed:
+            return found[-1]
+    times, maps = surface.blurred.times, coarse_maps(surface)
     for step, turn, params in ((COARSE_STEP, COARSE_TURN, search), (DENSE_STEP, DENSE_TURN, replace(DEFAULT, max_spin=search.max_spin))):
         scored = _score_turns(maps, times, step, turn, params.pairs)
-        found.append(_best_of(surface, scored, CANDIDATE_DISTANCE, params))
+        found.append(_confirm(surface, _best_of(surface, scored, CANDIDATE_DISTANCE, params), scored.pairs, params))
         if found[-1].is_believed:
             return found[-1]
     if search.max_spin * float(np.diff(times).min()) > DENSE_TURN:
         scored = score_spins(maps, times, search.max_spin)
         for kept in WIDE_KEPT:
-            found.append(_best_of(surface, scored, WIDE_DISTANCE, replace(DEFAULT, max_spin=search.max_spin, kept=kept)))
+            params = replace(DEFAULT, max_spin=search.max_spin, kept=kept)
+            found.append(_confirm(surface, _best_of(surface, scored, WIDE_DISTANCE, params), scored.pairs, params))
             if found[-1].agrees:
                 break
     return min(found, key=lambda each: each.residual)
+
+
+def propose(surface: SoftSurface, search: SearchParams = DEFAULT) -> Proposal:
+    """Return the spin that fits some of the frames of a burst best, and its rivals."""
+    scored = _score_turns(coarse_maps(surface), surface.blurred.times, COARSE_STEP, COARSE_TURN, search.pairs)
+    return _best_of(surface, scored, CANDIDATE_DISTANCE, search)
 
 
 def register_again(
@@ -157,14 +168,14 @@ def register_again(
         search: How many points are compared.
         least_step: rad/s, the last step; infinite for a single one.
     """
-    refined = _refine(surface.sharp, found.spin, fibonacci(search.fine_points), least_step)
-    return replace(found, spin=refined.spin, information=_information(refined, search), marks=refined.marks)
+    points = fibonacci(search.fine_points)
+    spin, compared = refine_on_all(found.spin, points, surface.images, _most_step(surface.images, MOST_STEP), least_step)
+    return replace(found, spin=spin, information=_information(compared, search.fine_points), marks=compared.marks)
 
 
-def register_residual(surface: SurfaceMap, found: Registration, search: SearchParams = DEFAULT) -> Registration:
+def register_residual(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
     """Return a registration with the residual that it has on a surface that is known better now."""
-    renewed = surface.softened()
-    return replace(found, residual=_residual(renewed, found.spin, _neighbours(surface.sharp.times), fibonacci(search.coarse_points)))
+    return replace(found, residual=_residual(surface, found.spin, _neighbours(surface.blurred.times), fibonacci(search.coarse_points)))
 
 
 def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, most: int) -> ScoredSpins:
@@ -175,35 +186,68 @@ def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, mo
     return ScoredSpins(candidates.rotations / float(np.diff(times).min()), scores, pairs)
 
 
-def _best_of(surface: SurfaceMap, scored: ScoredSpins, distance: float, params: SearchParams) -> Registration:
-    """Refine the spins with the lowest scores and their rivals on pairs of frames, and the best of them on all images."""
-    points, gap, pairs = fibonacci(params.coarse_points), float(np.diff(surface.soft.times).min()), scored.pairs
-    before = first_samples(points, pairs, surface.soft)
-    trials = [_refine_on_pairs(surface, spin, points, before, pairs) for spin in _chosen(scored, gap, distance, params.kept)]
-    best = min(trials, key=lambda trial: trial.residual)
-    spin = _refine(surface.soft, best.spin, points, ROUGH_STEP).spin
-    refined = _refine(surface.sharp, spin, fibonacci(params.fine_points), ROUGH_STEP if params.second_look else LEAST_STEP)
-    residual = _residual(surface, refined.spin, pairs, points)
-    near = _apart([each.spin for each in trials if each.residual * RIVAL_SHARE < best.residual], best.spin, SAME / gap)
-    rivals = [_refine(surface.soft, rival, points, ROUGH_STEP).spin for rival in near]
+def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params: SearchParams) -> Proposal:
+    """Refine the spins with the lowest scores and their rivals on pairs of frames."""
+    images, points, pairs = surface.blurred, fibonacci(params.coarse_points), scored.pairs
+    gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_PAIR_STEP)
+    before = first_samples(points, pairs, images)
+    chosen = scored.spins[_chosen(scored.spins, scored.scores, distance / gap, params.kept, RIVAL_DISTANCE / gap)]
+    trials = [refine_on_pairs(spin, points, before, pairs, images, surface.blurred_contrast, most) for spin in chosen]
+    spin, residual = min(trials, key=lambda trial: trial[1])
+    rivals = _apart([rival for rival, its in trials if its * RIVAL_SHARE < residual], spin, SAME / gap)
+    return Proposal(spin, rivals, len(scored.spins))
+
+
+def _confirm(surface: SoftSurface, proposal: Proposal, pairs: np.ndarray, params: SearchParams) -> Registration:
+    """Refine a proposal on all images, and tell which of its rivals the images do not rule out. pairs: (p, 2) frames for the residuals."""
+    images, points = surface.blurred, fibonacci(params.coarse_points)
+    gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_STEP)
+    spin = refine_on_all(proposal.spin, points, images, most, ROUGH_STEP)[0]
+    spin, compared = refine_on_all(spin, fibonacci(FIRST_POINTS), surface.images, most, ROUGH_STEP)
+    residual = _residual(surface, spin, pairs, points)
+    rivals = [refine_on_all(rival, points, images, most, ROUGH_STEP)[0] for rival in proposal.rivals]
     rivals = [rival for rival in rivals if _residual(surface, rival, pairs, points) * RIVAL_SHARE < residual]
-    alternatives = _apart([*rivals, *aliases(refined.spin, gap, params.max_spin)], refined.spin, SAME / gap)
-    return Registration(refined.spin, _information(refined, params), residual, len(scored.spins), refined.marks, alternatives)
+    alternatives = _apart([*rivals, *aliases(spin, gap, params.max_spin)], spin, SAME / gap)
+    information = 0.25 * _information(compared, FIRST_POINTS)  # a quarter of the pixels
+    return Registration(spin, information, residual, proposal.candidates, compared.marks, alternatives)
 
 
-def _chosen(scored: ScoredSpins, gap: float, distance: float, kept: int) -> list[Array]:
-    """Return the spins with the lowest scores that are not neighbours, and rivals that are far from the first one and from each other."""
-    spins, chosen = scored.spins, list[Array]()
-    best = spins[np.argsort(scored.scores)[:BEST_CANDIDATES]]
-    while len(best) and len(chosen) < kept:
-        chosen.append(best[0])
-        best = best[np.linalg.norm(best - best[0], axis=1) * gap > distance]
-    far = chosen[:1]
-    for _ in range(RIVALS):
-        is_far = np.min([np.linalg.norm(spins - other, axis=1) for other in far], axis=0) * gap > RIVAL_DISTANCE
-        if is_far.any():
-            far.append(spins[np.argmin(np.where(is_far, scored.scores, np.inf))])
-    return chosen + far[1:]
+@njit(cache=True, nogil=True)
+def _chosen(spins: Array, scores: np.ndarray, distance: float, kept: int, far: float) -> np.ndarray:
+    """Return which spins have the lowest scores and are not neighbours, and RIVALS that are far from the first one and from each other.
+
+    Args:
+        spins: (n, 3) rad/s.
+        scores: (n,).
+        distance: rad/s between those that are not neighbours.
+        kept: How many of them are returned at most.
+        far: rad/s between those that are far.
+    """
+    chosen = np.empty(kept + RIVALS, dtype=np.int64)
+    free, count = np.ones(len(spins), dtype=np.bool_), 0
+    for k in range(kept + RIVALS):
+        if k == kept:
+            free[:] = True
+            _leave_out(free, spins, chosen[0], far)
+        best = -1
+        for i in range(len(spins)):
+            if free[i] and (best < 0 or scores[i] < scores[best]):
+                best = i
+        if best < 0:
+            continue
+        chosen[count] = best
+        count += 1
+        _leave_out(free, spins, best, distance if k < kept else far)
+    return chosen[:count]
+
+
+@njit(cache=True, nogil=True)
+def _leave_out(free: np.ndarray, spins: Array, which: int, distance: float) -> None:
+    """Set `free` (n,) to False within a distance of one of the spins (n, 3)."""
+    for i in range(len(spins)):
+        x, y, z = spins[i, 0] - spins[which, 0], spins[i, 1] - spins[which, 1], spins[i, 2] - spins[which, 2]
+        if x * x + y * y + z * z <= distance * distance:
+            free[i] = False
 
 
 def _apart(spins: Sequence[Array], best: Array, distance: float) -> Array:
@@ -215,22 +259,14 @@ def _apart(spins: Sequence[Array], best: Array, distance: float) -> Array:
     return np.array(kept[1:]).reshape(-1, 3)
 
 
-def _refine_on_pairs(surface: SurfaceMap, spin: Array, points: Array, before: np.ndarray, pairs: np.ndarray) -> Trial:
-    """Refine a spin on pairs of frames by Gauss-Newton."""
-    most = MOST_PAIR_STEP / float(np.diff(surface.soft.times).min())
-    for _ in range(PAIR_STEPS):
-        pair = compare_pairs(spin, points, before, pairs, surface.soft, surface.soft_contrast)
-        spin = spin - _step(pair.normal_matrix, pair.gradient, most)
-    return Trial(spin, 1.0 + pair.cost / (2.0 * max(pair.weight, 1e-12) * surface.soft_contrast))
-
-
-def _residual(surface: SurfaceMap, spin: Array, pairs: np.ndarray, points: Array) -> float:
+def _residual(surface: SoftSurface, spin: Array, pairs: np.ndarray, points: Array) -> float:
     """Return the residual of a spin, on the blurred marks."""
-    before, images = first_samples(points, pairs, surface.soft), surface.soft
+    images = surface.blurred
+    before = first_samples(points, pairs, images)
     pair = compare_pairs(spin, points, before, pairs, images, 0.0)
     if pair.weight <= LEAST_OVERLAP * float((before["weight"] ** 2).sum()):
         return 1.0
-    return max(pair.cost / (2.0 * pair.weight), compare_all(spin, points, images).error) / surface.soft_contrast
+    return max(pair.cost / (2.0 * pair.weight), compare_all(spin, points, images).error) / surface.blurred_contrast
 
 
 def _neighbours(times: Array) -> np.ndarray:
@@ -240,24 +276,11 @@ def _neighbours(times: Array) -> np.ndarray:
     return np.stack([first, first + 1], axis=1)
 
 
-def _refine(images: MarkImages, spin: Array, points: Array, least_step: float) -> Refined:
-    """Refine a spin on all images by Gauss-Newton, until a step is shorter than `least_step` rad/s."""
-    most = MOST_STEP / float(np.diff(images.times).min())
-    for _ in range(STEPS):
-        compared = compare_all(spin, points, images)
-        change = _step(compared.normal_matrix, compared.gradient, most)
-        spin = spin - change
-        if np.linalg.norm(change) < least_step:
-            break
-    return Refined(spin, compared.normal_matrix, compared.error, compared.marks)
+def _most_step(images: MarkImages, turn: float) -> float:
+    """Return the spin, rad/s, that turns the ball by `turn` in the shortest time between frames."""
+    return turn / float(np.diff(images.times).min())
 
 
-def _information(refined: Refined, search: SearchParams) -> Array:
+def _information(compared: Comparison, points: int) -> Array:
     """Return the information (3, 3), as if the default number of points had been compared."""
-    return DEFAULT.fine_points / search.fine_points * refined.normal_matrix / max(refined.error, 1e-12)
-
-
-def _step(h: Array, g: Array, most: float) -> Array:
-    """Return the Gauss-Newton step (3,) rad/s, at most `most` long."""
-    step = np.linalg.solve(h + (1e-9 * np.trace(h) + 1e-30) * np.eye(3), g)
-    return step * min(1.0, most / max(float(np.linalg.norm(step)), 1e-12))
+    return DEFAULT.fine_points / points * compared.normal_matrix / max(compared.error, 1e-12)

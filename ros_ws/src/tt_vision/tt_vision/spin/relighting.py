@@ -36,7 +36,7 @@ def relight(surface: SurfaceMap, found: Registration, cameras: int) -> SurfaceMa
 
 def _shown(surface: SurfaceMap, cameras: int) -> Array:
     """Return how much of the ball each camera shows well enough, (cameras,) pixels, weighted."""
-    return np.asarray(surface.sharp.marks["weight"].reshape(cameras, -1).sum(axis=1, dtype=np.float64))
+    return np.asarray(surface.images.marks["weight"].reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 
 
 @njit(cache=True, nogil=True)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 from tt_core.constants import BALL_RADIUS
 from tt_core.states import Array
 
-from ..capture.burst import Burst, Image
-from ..detection.illumination import LIMB, NORMAL, CalibratedLamps, Illumination, fit_illumination, lamp_illumination, shade
+from ..capture.burst import Burst
+from ..detection.illumination import LIMB, NORMAL, Illumination, shade
 from ..motion_fit import BallMotion
 from ..projection import Optics, project_point, ray
 
@@ -25,10 +23,6 @@ LEAST_LIGHT = 0.15  # of the brightest pixel: below it marks drown in noise
 FULL_LIGHT = 0.5  # of the brightest pixel: from there on a pixel counts fully
 MARK_RANGE = (-0.3, 1.5)  # brightness that a mark may have; white is 1
 BORDER = 4  # pixels around the ball that are cut out with it
-SOFT_SIGMA = 1.0  # pixels of half the resolution, sigma of the blur for the coarse search
-LEAST_CONTRAST = (
-    0.004  # variance of the marks, of white squared, below which the ball is taken as bare: bare balls reach 0.0005, 2 % of marks 0.006
-)
 
 VIEW = np.dtype(
     [
@@ -73,125 +67,65 @@ class SurfaceMap:
     """The ball's surface in every image of a burst, the light divided out.
 
     Attributes:
-        sharp: The marks as they are.
-        soft: The marks blurred, at half the resolution, for the coarse search.
-        contrast: Variance of the brightness in `sharp`.
-        soft_contrast: Variance of the brightness in `soft`.
+        images: The marks.
         stack: (images, n, n) float32 grey levels over the background, from which the marks come.
         normals: (images, n, n) NORMAL.
         illumination: The light that is divided out.
     """
 
-    sharp: MarkImages
-    soft: MarkImages
-    contrast: float
-    soft_contrast: float
+    images: MarkImages
     stack: np.ndarray
     normals: np.ndarray
     illumination: Illumination
 
     def lit_by(self, light: Illumination) -> SurfaceMap:
-        """Return the map under another light; `soft` is left as it is."""
-        white, gloss = shade(self.normals, self.sharp.views["centre"], light)
-        marks = _with_slopes(*_divide(self.stack, self.normals, white, gloss))
-        return replace(self, sharp=self.sharp._replace(marks=marks), illumination=light)
-
-    def softened(self) -> SurfaceMap:
-        """Return the map with the blurred marks made anew from the sharp ones."""
-        marks = self.sharp.marks
-        soft, weights = _halved(marks["brightness"], marks["weight"])
-        return replace(self, soft=self.soft._replace(marks=_with_slopes(soft, weights)), soft_contrast=_variance(soft, weights))
+        """Return the map under another light."""
+        brightness, weights = divide_light(self.stack, self.normals, self.images.views, light, float(self.stack.max()))
+        return replace(self, images=self.images._replace(marks=with_slopes(brightness, weights)), illumination=light)
 
     def moved_to(self, motion: BallMotion, burst: Burst) -> SurfaceMap:
         """Return the same marks on a ball that is elsewhere by a part of a pixel."""
-        moved = []
-        for images in (self.sharp, self.soft):
-            views, fresh = images.views.copy(), _views(motion, burst)
-            views["centre"], views["towards_camera"] = fresh["centre"], fresh["towards_camera"]
-            moved.append(images._replace(views=views))
-        return replace(self, sharp=moved[0], soft=moved[1])
+        views, fresh = self.images.views.copy(), motion_views(motion, burst)
+        views["centre"], views["towards_camera"] = fresh["centre"], fresh["towards_camera"]
+        return replace(self, images=self.images._replace(views=views))
 
 
-def map_surface(burst: Burst, motion: BallMotion, lamps: CalibratedLamps | None = None) -> SurfaceMap:
+def map_surface(burst: Burst, motion: BallMotion, light: Illumination) -> SurfaceMap:
     """Cut the ball out of every image of a burst, and divide the light out.
 
     Args:
         burst: A burst with cameras and detections.
         motion: Where the ball is.
-        lamps: Calibrated lamps; None: the light is fitted to the burst.
+        light: What lights it.
     """
-    views, cuts = _views(motion, burst), []
+    views = motion_views(motion, burst)
     reach = float((views["focal"] * BALL_RADIUS / views["centre"][:, 2]).max())
     size = 2 * (math.ceil(reach) + BORDER)
-    corners = np.rint(_middles(views)).astype(np.int64) - size // 2
+    corners = np.rint(view_middles(views)).astype(np.int64) - size // 2
     views["principal_point"] -= corners
-    for m, corner in enumerate(corners.tolist()):
+    stack = np.empty((len(views), size, size), dtype=np.float32)
+    for m, (u, v) in enumerate(corners.tolist()):
         c, k = divmod(m, len(burst))
-        cuts.append(_cut(burst.images[c][k], corner, size) - np.float32(burst.detections[c][k].background))
-    stack = np.array(cuts, dtype=np.float32)
-    normals = _normals(size, views)
-    centres = np.ascontiguousarray(views["centre"])
-    if lamps is None:
-        light = fit_illumination(stack, normals, len(burst.cameras))
-    else:
-        light = lamp_illumination(stack, normals, centres, burst.cameras, lamps)
-    white, gloss = shade(normals, centres, light)
-    brightness, weights = _divide(stack, normals, white, gloss)
-    soft, soft_weights = _halved(brightness, weights)
+        cut_out(burst.images[c][k], u, v, burst.detections[c][k].background, stack[m])
+    normals = pixel_normals(size, views)
+    marks = with_slopes(*divide_light(stack, normals, views, light, float(stack.max())))
     frame_of = np.arange(len(views)) % len(burst)
-    return SurfaceMap(
-        sharp=MarkImages(_with_slopes(brightness, weights), views, frame_of, burst.from_middle),
-        soft=MarkImages(_with_slopes(soft, soft_weights), _halved_views(views), frame_of, burst.from_middle),
-        contrast=_variance(brightness, weights),
-        soft_contrast=_variance(soft, soft_weights),
-        stack=stack,
-        normals=normals,
-        illumination=light,
-    )
+    return SurfaceMap(MarkImages(marks, views, frame_of, burst.from_middle), stack, normals, light)
 
 
-def _views(motion: BallMotion, burst: Burst) -> np.ndarray:
+def motion_views(motion: BallMotion, burst: Burst) -> np.ndarray:
     """Return (images,) VIEW with the principal point still counted from the image's corner."""
-    positions, rows = motion.positions(burst.times), []
-    for camera, (du, dv) in zip(burst.cameras, motion.alignment, strict=True):
+    positions, frames = motion.positions(burst.times), len(burst)
+    views = np.zeros(len(burst.cameras) * frames, dtype=VIEW)
+    for c, (camera, (du, dv)) in enumerate(zip(burst.cameras, motion.alignment, strict=True)):
         centres = positions @ camera.rotation.T + camera.translation
         centres[:, 0] += du * centres[:, 2] / camera.focal_pixels
         centres[:, 1] += dv * centres[:, 2] / camera.focal_pixels
-        row = np.zeros(len(centres), dtype=VIEW)
+        row = views[c * frames : (c + 1) * frames]
         row["rotation"], row["centre"], row["focal"] = camera.rotation, centres, camera.focal_pixels
         row["principal_point"], row["distortion"] = camera.principal_point, camera.distortion
         row["towards_camera"] = -(centres @ camera.rotation) / np.linalg.norm(centres, axis=1, keepdims=True)
-        rows.append(row)
-    return np.concatenate(rows)
-
-
-def _halved_views(views: np.ndarray) -> np.ndarray:
-    """Return views of images of half the resolution."""
-    halved = views.copy()
-    halved["focal"] = 0.5 * views["focal"]
-    halved["principal_point"] = 0.5 * views["principal_point"] - 0.25
-    return halved
-
-
-def _halved(brightness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return brightness and weights (images, n / 2, n / 2) float32, blurred and of half the resolution."""
-    count, size = brightness.shape[:2]
-    sums, mass = (
-        cv2.resize(x.reshape(-1, size), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for x in (brightness * weights, weights)
-    )
-    # one ball above the other, far enough apart for the blur
-    blurred = cv2.GaussianBlur(sums, (0, 0), SOFT_SIGMA) / np.maximum(cv2.GaussianBlur(mass, (0, 0), SOFT_SIGMA), 1e-3)
-    shape = count, size // 2, size // 2
-    return blurred.reshape(shape).astype(np.float32, copy=False), mass.reshape(shape).astype(np.float32, copy=False)
-
-
-def _cut(image: Image, corner: Sequence[int], size: int) -> Image:
-    """Return a square (size, size) of the image from a corner (u, v) on, its edge continued outside."""
-    u, v = corner
-    height, width = image.shape
-    if u >= 0 and v >= 0 and u + size <= width and v + size <= height:
-        return image[v : v + size, u : u + size]
-    return image[np.clip(np.arange(v, v + size), 0, height - 1)[:, None], np.clip(np.arange(u, u + size), 0, width - 1)]
+    return views
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -203,7 +137,17 @@ def view_optics(view: np.ndarray) -> Optics:
 
 
 @njit(cache=True, nogil=True)
-def _middles(views: np.ndarray) -> Array:
+def cut_out(image: np.ndarray, u: int, v: int, background: float, out: np.ndarray) -> None:
+    """Fill `out` (size, size) with the grey levels over the background from the corner (u, v) on, the image's edge continued outside."""
+    height, width = image.shape
+    for j in range(out.shape[0]):
+        row = min(height - 1, max(0, v + j))
+        for i in range(out.shape[1]):
+            out[j, i] = image[row, min(width - 1, max(0, u + i))] - background
+
+
+@njit(cache=True, nogil=True)
+def view_middles(views: np.ndarray) -> Array:
     """Return where the ball's centre is seen in each view, (images, 2) pixels."""
     out = np.empty((len(views), 2))
     for m in range(len(views)):
@@ -213,7 +157,7 @@ def _middles(views: np.ndarray) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _normals(size: int, views: np.ndarray) -> np.ndarray:
+def pixel_normals(size: int, views: np.ndarray) -> np.ndarray:
     """Return the normal of the ball in each pixel, (images, size, size) NORMAL."""
     out, per_radius = np.zeros((len(views), size, size), dtype=NORMAL), 1.0 / BALL_RADIUS
     for m in range(len(views)):
@@ -238,12 +182,27 @@ def _normals(size: int, views: np.ndarray) -> np.ndarray:
     return out
 
 
+def divide_light(
+    stack: np.ndarray, normals: np.ndarray, views: np.ndarray, light: Illumination, top: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return brightness and weights of the surface, both (images, size, size) float32.
+
+    Args:
+        stack: (images, size, size) float32 grey levels over the background.
+        normals: (images, size, size) NORMAL.
+        views: (images,) VIEW.
+        light: Of the images.
+        top: Grey level of the brightest pixel.
+    """
+    white, gloss = shade(normals, np.ascontiguousarray(views["centre"]), light)
+    return _divide(stack, normals, white, gloss, top)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, gloss: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, gloss: np.ndarray, top: float) -> tuple[np.ndarray, np.ndarray]:
     """Return brightness and weights of the surface, both (images, size, size) float32. white, gloss: from `shade`."""
     brightness, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
     low, high = MARK_RANGE
-    top = stack.max()
     for m in range(len(stack)):
         for j in range(stack.shape[1]):
             for i in range(stack.shape[2]):
@@ -257,7 +216,7 @@ def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, gloss: np
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _variance(values: np.ndarray, weights: np.ndarray) -> float:
+def mark_variance(values: np.ndarray, weights: np.ndarray) -> float:
     """Return the weighted variance of values near 1."""
     total, first, second = 1e-12, 0.0, 0.0
     flat, mass = values.ravel(), weights.ravel()
@@ -268,7 +227,7 @@ def _variance(values: np.ndarray, weights: np.ndarray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _with_slopes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def with_slopes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return (images, size, size) MARK.
 
     The slopes are central differences: interpolated like the brightness, they are smooth from pixel to pixel.

@@ -1,0 +1,281 @@
+"""The first estimate of a ball, made at half the resolution while the frames of its burst arrive.
+
+Of each frame the outline is found, and the surface is cut out and freed of the light, as soon as the frame is there. After SEARCHED frames
+the spin is searched on these. When the last frame is there little is left: the motion by all outlines, and the spin by all frames.
+
+The first estimate is good enough to start a swing. `measure` goes on from it at the full resolution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from tt_core.constants import BALL_RADIUS
+from tt_core.failures import Failure
+from tt_core.states import Array
+
+from .camera import Camera
+from .capture.burst import BallDetection, Burst, Image
+from .detection.ball_detection import fit_outline
+from .detection.illumination import GLOSS, CalibratedLamps, Illumination, fit_illumination, image_gain, lamp_illumination
+from .motion_fit import VAGUE_OUTLINE, BallMotion, fit_motion, fit_motion_to_outlines
+from .projection import ray, unpack_camera
+from .spin.coarse_search import DENSE_TURN
+from .spin.estimate import SpinReason
+from .spin.registration import DEFAULT, Proposal, Registration, SearchParams, propose, register
+from .spin.soft_surface import SoftSurface, cut_out_halved, halved_views, soft_surface
+from .spin.surface_map import VIEW, divide_light, motion_views, pixel_normals, view_middles
+
+SEARCHED = 4  # frames on which the spin is searched before the burst is complete; with two, 8 % of the spins are wrong
+BORDER = 4  # pixels around the ball that are cut out with it
+GROWTH = 1.1  # by which the ball may grow from the first frame to the last one before all frames are cut out anew
+MOST_SHIFT = 1.0  # pixels between the circle in one image and the motion of all, from which on the ball is cut out anew
+LEAST_CONTRAST = (
+    0.004  # variance of the marks, of white squared, below which the ball is taken as bare: bare balls reach 0.0005, 2 % of marks 0.006
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FirstEstimate:
+    """What a first look at a burst tells.
+
+    Attributes:
+        motion: Position and velocity, if it came so far.
+        found: The spin, if it came so far; it need not be believed.
+        light: What lights the ball, if it came so far.
+        reason: Why there is no spin, or None.
+    """
+
+    motion: BallMotion | None
+    found: Registration | None
+    light: Illumination | None
+    reason: Failure | None
+
+
+@dataclass(eq=False)
+class _Frame:
+    """One frame of all cameras, at half the resolution where nothing else is said.
+
+    Attributes:
+        time: s.
+        images: One (h, w) of each camera.
+        detections: Where the ball is in each.
+        points: Outline points of each image, (n,) OUTLINE_POINT.
+        circles: (cameras, 3) u, v and radius, pixels of the full resolution.
+        views: (cameras,) VIEW of what is cut out.
+        stack: (cameras, n, n) float32 grey levels over the background.
+        normals: (cameras, n, n) NORMAL.
+        gains: (cameras,), factor of the light in each image.
+        brightness: (cameras, n, n) float32, white is 1; empty before the light is known, and so is `weights`.
+        weights: (cameras, n, n) float32.
+    """
+
+    time: float
+    images: Sequence[Image]
+    detections: Sequence[BallDetection]
+    points: list[np.ndarray]
+    circles: Array
+    views: np.ndarray
+    stack: np.ndarray = field(default_factory=lambda: np.empty(0))
+    normals: np.ndarray = field(default_factory=lambda: np.empty(0))
+    gains: Array = field(default_factory=lambda: np.empty(0))
+    brightness: np.ndarray = field(default_factory=lambda: np.empty(0))
+    weights: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+
+class FirstLook:
+    """Takes the frames of one burst as they come, and makes its first estimate."""
+
+    def __init__(self, cameras: Sequence[Camera], search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None) -> None:
+        """Begin without a frame.
+
+        Args:
+            cameras: Who takes the images.
+            search: How much is spent on the spin.
+            lamps: Calibrated lamps; None: the light is fitted to the burst.
+        """
+        self._cameras, self._search, self._lamps = tuple(cameras), search, lamps
+        self._vectors = np.array([camera.vector for camera in cameras])
+        self._views = _still_views(self._cameras)
+        self._frames: list[_Frame] = []
+        self._size = 0  # pixels of the full resolution, side of what is cut out
+        self._light: Illumination | None = None  # of the frames that were searched
+        self._top = 0.0  # grey level of the brightest pixel of these
+        self._proposal: Proposal | None = None
+
+    @property
+    def times(self) -> list[float]:
+        """The times of the frames so far, s."""
+        return [frame.time for frame in self._frames]
+
+    def add(self, time: float, images: Sequence[Image], detections: Sequence[BallDetection]) -> None:
+        """Take the images of one instant, which show the whole ball.
+
+        Args:
+            time: s, later than that of the frame before.
+            images: One (h, w) of each camera.
+            detections: Where the ball is in each.
+        """
+        circles, points = np.array([(ball.u, ball.v, ball.radius) for ball in detections]), list[np.ndarray]()
+        for c, (image, ball) in enumerate(zip(images, detections, strict=True)):
+            found = fit_outline(image, circles[c], ball.contrast, True)
+            found["camera"], found["frame"] = c, len(self._frames)
+            points.append(found)
+        frame = _Frame(time, images, detections, points, circles, self._circle_views(circles))
+        self._frames.append(frame)
+        if not self._fits(frame):
+            for other in self._frames:
+                self._cut_out(other, self._circle_views(other.circles))
+        else:
+            self._cut_out(frame, frame.views)
+        if self._light is not None:
+            self._divide(frame)
+        elif len(self._frames) == SEARCHED:
+            self._light_up()
+            if self._search.max_spin * (self._frames[1].time - self._frames[0].time) <= DENSE_TURN:
+                surface = self._surface()
+                self._proposal = propose(surface, self._search) if surface.contrast >= LEAST_CONTRAST else None
+
+    def estimate(self, burst: Burst) -> FirstEstimate:
+        """Return the first estimate of the burst whose frames were taken.
+
+        Args:
+            burst: The same frames, with cameras and detections.
+        """
+        points = np.concatenate([frame.points[c] for c in range(len(self._cameras)) for frame in self._frames])
+        circles = np.array([frame.circles for frame in self._frames]).swapaxes(0, 1)
+        motion = fit_motion_to_outlines(burst, points, circles)
+        if isinstance(motion, Failure) or motion.residual > VAGUE_OUTLINE:
+            motion = fit_motion(burst)
+        if isinstance(motion, Failure):
+            return FirstEstimate(None, None, None, motion)
+        views = motion_views(motion, burst)
+        if np.abs(view_middles(views) - circles[..., :2].reshape(-1, 2)).max() > MOST_SHIFT:
+            self._cut_out_again(views)
+        elif self._light is None:
+            self._light_up()
+        surface = self._surface().seen_from(views)
+        light = self._whole_light()
+        if surface.contrast < LEAST_CONTRAST:
+            return FirstEstimate(motion, None, light, Failure(SpinReason.NO_MARKS))
+        return FirstEstimate(motion, register(surface, self._search, self._proposal), light, None)
+
+    def _fits(self, frame: _Frame) -> bool:
+        """Return whether the ball fits into what is cut out; if not, more is cut out from now on."""
+        reach = float(frame.circles[:, 2].max())
+        if 2.0 * (reach + BORDER) <= self._size:
+            return True
+        first = self._size == 0
+        self._size = 4 * math.ceil((GROWTH * reach + BORDER) / 2.0)
+        return first
+
+    def _circle_views(self, circles: Array) -> np.ndarray:
+        """Return how each camera sees a ball in a circle (cameras, 3), (cameras,) VIEW of the whole images."""
+        views, centres = self._views.copy(), _circle_centres(self._vectors, circles)
+        views["centre"] = centres
+        towards = np.einsum("cj,cjk->ck", centres, views["rotation"])
+        views["towards_camera"] = -towards / np.sqrt((towards * towards).sum(axis=1, keepdims=True))
+        return views
+
+    def _cut_out(self, frame: _Frame, views: np.ndarray) -> None:
+        """Cut the ball out of the images of a frame. views: (cameras,) VIEW of the whole images."""
+        half = self._size // 2
+        corners = np.rint(view_middles(views)).astype(np.int64) - half
+        views = views.copy()
+        views["principal_point"] -= corners
+        frame.views, frame.stack = halved_views(views), np.empty((len(views), half, half), dtype=np.float32)
+        for image, ball, (u, v), out in zip(frame.images, frame.detections, corners.tolist(), frame.stack, strict=True):
+            cut_out_halved(image, u, v, ball.background, out)
+        frame.normals = pixel_normals(half, frame.views)
+        if self._light is not None and len(frame.brightness):
+            self._divide(frame)
+
+    def _cut_out_again(self, views: np.ndarray) -> None:
+        """Cut the ball out of all frames where the motion has it, and forget what was found on the circles. views: (images,) VIEW."""
+        self._light = self._proposal = None
+        for k, frame in enumerate(self._frames):
+            self._cut_out(frame, views[k :: len(self._frames)])
+        self._light_up()
+
+    def _light_up(self) -> None:
+        """Fit the light to the frames so far, and divide it out of them."""
+        stack, normals = self._by_camera("stack"), self._by_camera("normals")
+        if self._lamps is None:
+            self._light = fit_illumination(stack, normals, len(self._cameras))
+        else:
+            self._light = lamp_illumination(stack, normals, self._by_camera("views")["centre"], self._cameras, self._lamps)
+        self._top = float(stack.max())
+        for frame, gains in zip(self._frames, self._light.gains.reshape(len(self._cameras), -1).T, strict=True):
+            frame.gains = gains
+            frame.brightness, frame.weights = divide_light(
+                frame.stack, frame.normals, frame.views, self._light._replace(gains=gains), self._top
+            )
+
+    def _divide(self, frame: _Frame) -> None:
+        """Divide the light that is known out of one more frame."""
+        light: Illumination = self._light  # type: ignore[assignment]
+        if self._lamps is not None:
+            frame.gains = lamp_illumination(frame.stack, frame.normals, frame.views["centre"], self._cameras, self._lamps).gains
+        else:
+            last = light.gains.reshape(len(self._cameras), -1)[:, -1]
+            frame.gains = np.array([image_gain(*each) for each in zip(frame.stack, frame.normals, light.harmonics, last, strict=True)])
+        frame.brightness, frame.weights = divide_light(
+            frame.stack, frame.normals, frame.views, light._replace(gains=frame.gains), self._top
+        )
+
+    def _surface(self) -> SoftSurface:
+        """Return the marks of all frames so far."""
+        times = np.array(self.times)
+        brightness, weights, views = (self._by_camera(name) for name in ("brightness", "weights", "views"))
+        return soft_surface(brightness, weights, views, times - times.mean())
+
+    def _whole_light(self) -> Illumination:
+        """Return the light with the gain of every image."""
+        light: Illumination = self._light  # type: ignore[assignment]
+        return light._replace(gains=self._by_camera("gains"), gloss=np.zeros((len(self._cameras), GLOSS)))
+
+    def _by_camera(self, name: str) -> np.ndarray:
+        """Return one attribute of all frames, (images, ...), camera by camera."""
+        first = getattr(self._frames[0], name)
+        out = np.empty((len(first), len(self._frames), *first.shape[1:]), dtype=first.dtype)
+        for k, frame in enumerate(self._frames):
+            out[:, k] = getattr(frame, name)
+        return out.reshape(-1, *first.shape[1:])
+
+
+def look_at(burst: Burst, search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None) -> FirstLook:
+    """Return a first look at all frames of a burst with cameras and detections, of which every image shows the whole ball."""
+    look = FirstLook(burst.cameras, search, lamps)
+    for k, time in enumerate(burst.times.tolist()):
+        look.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
+    return look
+
+
+def _still_views(cameras: Sequence[Camera]) -> np.ndarray:
+    """Return what of the views is the same in all frames, (cameras,) VIEW."""
+    views = np.zeros(len(cameras), dtype=VIEW)
+    for c, camera in enumerate(cameras):
+        views["rotation"][c], views["focal"][c] = camera.rotation, camera.focal_pixels
+        views["principal_point"][c], views["distortion"][c] = camera.principal_point, camera.distortion
+    return views
+
+
+@njit(cache=True, nogil=True)
+def _circle_centres(vectors: Array, circles: Array) -> Array:
+    """Return where balls that fill circles are, (cameras, 3) m in each camera's frame.
+
+    Args:
+        vectors: (cameras, 20) `Camera.vector` of each.
+        circles: (cameras, 3) u, v and radius, pixels.
+    """
+    centres = np.empty((len(circles), 3))
+    for c in range(len(circles)):
+        optics = unpack_camera(vectors[c]).optics
+        x, y = ray(optics, circles[c, 0], circles[c, 1])
+        z = optics.focal * BALL_RADIUS / circles[c, 2]
+        centres[c, 0], centres[c, 1], centres[c, 2] = x * z, y * z, z
+    return centres
