@@ -7,6 +7,7 @@ from tt_core.states import BallPath, BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.followed_ball import FollowedBall
 from tt_racket.goal import GoalParams
+from tt_racket.goal_relaxation import GoalPart
 from tt_racket.intercept import InterceptParams, hit_points, intercept
 
 PHYSICS = Physics.measured()
@@ -77,6 +78,8 @@ def test_other_flight_times_come_after_the_strokes_as_asked():
     more = intercept(path, goal, PHYSICS, InterceptParams(fallback_time=-0.1, as_asked=3))
     assert len(more.strokes) > len(plain.strokes)
     times = [one.time for one in more.relaxed]
-    assert times[:3] == [0.0] * 3 and times[3] == pytest.approx(-0.1)
+    assert times[:3] == [0.0] * 3 and times[3] == times[4] == pytest.approx(-0.1)
+    fallback = [one for one in more.relaxed if one.time]
+    assert {one.parts for one in fallback} == {GoalPart.TIME, GoalPart.TIME | GoalPart.SPIN}
     for asked, stroke in zip(plain.strokes[:3], more.strokes[:3], strict=True):
         assert np.allclose(asked.racket.position, stroke.racket.position)
