@@ -24,6 +24,7 @@ setup(
             "lib/tt_bringup",
             [
                 "scripts/compare",
+                "scripts/learn_node",
                 "scripts/marker_node",
                 "scripts/report",
                 "scripts/reprocess",

@@ -39,6 +39,7 @@ NODES = {
     "predict": ("tt_predict", "predict_node"),
     "racket": ("tt_racket", "racket_node"),
     "arm": ("tt_arm", "arm_node"),
+    "learn": ("tt_bringup", "learn_node"),
     "markers": ("tt_bringup", "marker_node"),
     "view": ("tt_bringup", "view_node"),
 }

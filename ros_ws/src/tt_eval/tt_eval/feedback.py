@@ -16,7 +16,7 @@ from tt_core.errors import TtError
 from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
-from tt_predict.learning import ExpectedReturn, PhysicsLearner
+from tt_predict.learning import PhysicsLearner
 from tt_predict.rollout import StopRule, rollout
 from tt_predict.state_selection import StateSelection, StateSelectionParams
 from tt_racket.followed_ball import FollowedBall
@@ -26,10 +26,9 @@ from tt_vision.camera import Camera
 from tt_vision.rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_NOISE, wide_pair
 from tt_vision.tracking import Tracker, TrackerParams
 
+from .lesson import Lesson
 from .scenario import Scenario
 
-JUST_HIT = 0.004  # s around the strike, in which a pixel may be of before or after it
-RETURN_SEEN = 0.45  # s after the strike, for which the return is followed: it lands later
 KNOWN_SPIN = 1.0  # rad/s, standard deviation of the spin for a robot that takes it as none
 
 
@@ -76,21 +75,18 @@ class Follower:
             scenario: Whose robot it is.
             learner: What the robot knows of the coefficients; learns if the robot does.
         """
-        self._scenario, self._learner = scenario, learner
-        self._params = TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD)
-        if scenario.robot.learning:
-            self._params = replace(self._params, **_factor_spreads(learner.spreads))
+        self._scenario = scenario
+        params = TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD)
         if scenario.robot.spin == "ignored":
-            self._params = replace(self._params, spin_spread=KNOWN_SPIN, spin_weight=1e6)
-        self._tracker = Tracker(learner.physics, _cameras(), self._params)
+            params = replace(params, spin_spread=KNOWN_SPIN, spin_weight=1e6)
+        self._lesson = Lesson(learner, _cameras(), params) if scenario.robot.learning else None
+        self._tracker = self._lesson.tracker if self._lesson else Tracker(learner.physics, _cameras(), params)
         self._ball = FollowedBall()
         self._inbox, self._order = list[tuple[float, int, BallState | TrackedPixel]](), count()
         self._answer: Answer | None = None
         self._selection = StateSelection(StateSelectionParams(interval=scenario.robot.interval))
         self._newest = self._predicted = -np.inf  # s: stamp of the newest pixel, and time of the last state that was predicted
-        self._struck = -np.inf  # s, of the strike
-        self._return: tuple[ExpectedReturn, Tracker] | None = None
-        self._flight: tuple[Array, Array] | None = None  # logarithms of the factors of this ball and their covariance
+        self._struck = False
         self.answers = list[Answer]()
 
     def measure(self, ball: BallState, arrival: float) -> None:
@@ -115,13 +111,10 @@ class Follower:
             if isinstance(item, BallState):
                 self._tracker.start(item)
                 news = True
-            elif item.stamp < self._struck - JUST_HIT or self._struck == -np.inf:
-                self._tracker.add_pixel(item.stamp, item.side, item.pixel, WIDE_NOISE)
+            elif self._takes(item):
                 self._newest = max(self._newest, item.stamp)
                 news = news or self._newest >= self._predicted + self._scenario.robot.interval
-            elif self._return is not None and self._struck + JUST_HIT < item.stamp < self._struck + RETURN_SEEN:
-                self._return[1].add_pixel(item.stamp, item.side, item.pixel, WIDE_NOISE)
-        if news and self._struck == -np.inf:
+        if news and not self._struck:
             self._predict(now)
         if self._answer is None or self._answer.due > now:
             return None
@@ -130,40 +123,22 @@ class Follower:
 
     def strike(self, racket: RacketState, turning: Array) -> None:
         """Take where the racket was at the strike; turning: (3,) rad/s, its angular velocity."""
-        self._struck = racket.time
-        if not self._scenario.robot.learning:
-            return
-        ball = self._tracker.state(racket.time)
-        self._flight = self._known_factors()
-        expected = self._learner.expect_return(ball, racket, turning) if ball is not None else None
-        if expected is not None:
-            tracker = Tracker(
-                self._tracker.physics, _cameras(), replace(self._params, lag=2.0 * RETURN_SEEN, **_factor_spreads(self._spread))
-            )
-            tracker.start(expected.ball)
-            self._return = expected, tracker
+        self._struck = True
+        if self._lesson is not None:
+            self._lesson.strike(racket, turning)
 
     def finish(self) -> None:
         """Learn from flight and return."""
-        if not self._scenario.robot.learning:
-            return
-        flight = self._flight or self._known_factors()
-        if flight is not None:
-            self._learner.add_flight(*flight)
-        if self._return is not None:
-            expected, tracker = self._return
-            seen = tracker.state(expected.ball.time)
-            if seen is not None and tracker.counts.balls == 1:
-                self._learner.add_return(expected, seen)
+        if self._lesson is not None:
+            self._lesson.finish()
 
-    @property
-    def _spread(self) -> Array:
-        """Standard deviations (5,) of the factors of this ball, as far as its flight has told them."""
-        factors = self._tracker.factors
-        return self._learner.spreads[:5] if factors is None else np.sqrt(np.diag(factors[1]))
-
-    def _known_factors(self) -> tuple[Array, Array] | None:
-        return self._tracker.factors if self._tracker.counts.balls > 0 else None
+    def _takes(self, seen: TrackedPixel) -> bool:
+        """Take a pixel; return whether it was of the ball before the strike."""
+        if self._lesson is not None:
+            return self._lesson.add_pixel(seen.stamp, seen.side, seen.pixel)
+        if not self._struck:
+            self._tracker.add_pixel(seen.stamp, seen.side, seen.pixel, WIDE_NOISE)
+        return not self._struck
 
     def _predict(self, now: float) -> None:
         """Derive path and strokes from the newest state, unless it follows the last one too soon."""
@@ -184,9 +159,3 @@ class Follower:
 
     def _strokes(self, path: BallPath, goal: ReturnGoal, physics: Physics) -> Candidates:
         return intercept(path, goal, physics, self._scenario.intercept, bounced=self._ball.bounced)
-
-
-def _factor_spreads(spreads: Array) -> dict[str, float]:
-    """Return the parameters of a tracker for standard deviations (5 or more,) of the factors."""
-    names = ("drag_spread", "lift_spread", "restitution_spread", "friction_spread", "grip_spread")
-    return {name: max(1e-3, float(value)) for name, value in zip(names, spreads, strict=False)}

@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 from nav_msgs.msg import Odometry, Path
 from rclpy.node import Node
+from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.hit_windows import PATH_END_X
+from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
 from tt_core.ros.convert import ball_from_message, path_to_message, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
-from tt_core.ros.qos import RELIABLE
+from tt_core.ros.qos import LATCHED, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import BallState
 
@@ -30,6 +32,7 @@ from .uncertainty import uncertainty
 
 UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
 LARGEST_STATE = 4096  # bytes: a state has 730
+LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
 
 class PredictLine(Enum):
@@ -73,11 +76,20 @@ class PredictNode(Node):
         self.path = self.create_publisher(MultiDOFJointTrajectory, "ball/path", RELIABLE)
         self.poses = self.create_publisher(Path, "ball/path_poses", RELIABLE)
         self.refused = Refusals(self.status, "state")
+        self.bad_physics = Refusals(self.status, "physics")
+        Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
         topics = {"ball/state": self.on_ball, **({"ball/first": self.on_first} if self.params.first else {})}
         inputs = [
             Input(self, Odometry, topic, take, RELIABLE, largest=LARGEST_STATE, refused=self.refused) for topic, take in topics.items()
         ]
         self.status.wait_for(inputs)
+
+    def on_physics(self, message: String) -> None:
+        """Use learnt coefficients from the next state on."""
+        try:
+            self.physics = physics_from_text(message.data, "predict", self.physics)
+        except TtError as error:
+            self.bad_physics(error)
 
     def on_ball(self, message: Odometry) -> None:
         """Predict the path of a state and publish it, and tell its uncertainty."""

@@ -7,9 +7,11 @@ from enum import Enum
 
 import numpy as np
 from rclpy.node import Node
+from std_msgs.msg import String
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.hit_windows import HIT_WINDOWS
+from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
 from tt_core.robots import read_arm
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
@@ -30,6 +32,7 @@ from .stroke import solve
 
 LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
 LARGEST_GOAL = 4096  # bytes: one point has 200
+LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
 
 class RacketLine(Enum):
@@ -87,6 +90,8 @@ class RacketNode(Node):
         self.bad_goals, self.bad_paths = Refusals(self.status, "goal"), Refusals(self.status, "path")
         kind = MultiDOFJointTrajectory
         Input(self, kind, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
+        self.bad_physics = Refusals(self.status, "physics")
+        Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
         paths = Input(self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
         self.status.wait_for([paths])
 
@@ -100,6 +105,13 @@ class RacketNode(Node):
             self.goal = goal_from_message(message)
         except TtError as error:
             self.bad_goals(error)
+
+    def on_physics(self, message: String) -> None:
+        """Use learnt coefficients from the next path on."""
+        try:
+            self.physics = physics_from_text(message.data, "racket", self.physics)
+        except TtError as error:
+            self.bad_physics(error)
 
     def on_path(self, message: MultiDOFJointTrajectory) -> None:
         """Find the strokes and publish them."""

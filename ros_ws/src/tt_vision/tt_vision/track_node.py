@@ -10,7 +10,9 @@ from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import String
 from tt_core.errors import TtError
+from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
 from tt_core.ros.convert import ball_from_message, ball_to_message, camera_from_message, pixel_from_message
 from tt_core.ros.diagnostics import Event, Status
@@ -27,6 +29,7 @@ from .tracking import Tracker, TrackerParams
 from .warm import warm_tracker
 
 LARGEST_PIXEL = 1024  # bytes: one has 60
+LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
 LARGEST_STATE = 4096  # bytes: a state has 730
 
@@ -67,6 +70,8 @@ class TrackNode(Node):
         self.states = self.create_publisher(Odometry, "ball/state", RELIABLE)
         self.bad_balls, self.bad_pixels = Refusals(self.status, "measured ball"), Refusals(self.status, "pixel")
         self.bad_infos = Refusals(self.status, "camera_info of a wide camera")
+        self.bad_physics = Refusals(self.status, "physics")
+        Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
         inputs = list[Input]()
         for side, name in enumerate(WIDE_SIDES):
             info, pixel = f"camera/{name}/camera_info", f"camera/{name}/ball"
@@ -92,10 +97,18 @@ class TrackNode(Node):
             return
         self.tracker = Tracker(self.physics, self.cameras, self.params)
 
+    def on_physics(self, message: String) -> None:
+        """Use learnt coefficients from the next measured ball on."""
+        try:
+            self.physics = physics_from_text(message.data, "track", self.physics)
+        except TtError as error:
+            self.bad_physics(error)
+
     def on_ball(self, message: Odometry) -> None:
         """Start anew from a measured ball, and publish it. The refined measurement of a ball replaces its first estimate."""
         try:
             ball = ball_from_message(message)
+            self.tracker.use(self.physics)
             self.tracker.start(ball)
         except TtError as error:
             self.bad_balls(error)

@@ -38,6 +38,7 @@ class Event(Enum):
     NO_SWING = "no swing"
     FIRST_COMMAND = "first command"
     BALL_OVER = "ball over"
+    LEARNT = "learnt"
 
 
 class ReceivedStatus(NamedTuple):

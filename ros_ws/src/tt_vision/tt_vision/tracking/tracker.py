@@ -108,6 +108,10 @@ class Tracker:
         self._latest = -math.inf  # s, of the last measurement that is used
         self._fitted = -math.inf  # s, of the last one that was fitted or refused
 
+    def use(self, physics: Physics) -> None:
+        """Use other models of air and table from the next ball that is started; not for one that is followed."""
+        self._models, self._physics = physics, physics.coefficients
+
     def start(self, ball: BallState) -> None:
         """Start anew from a measured ball. Measurements after its time are kept, earlier ones are forgotten.
 

@@ -1,0 +1,184 @@
+"""Publish what the robot learns of air, table and rubber from each ball, on `physics`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, JointState
+from std_msgs.msg import String
+from tt_arm.arm_file import load_arm
+from tt_arm.joints import Joints
+from tt_arm.model import ArmModel
+from tt_core.errors import TtError
+from tt_core.factors import FACTORS
+from tt_core.learnt_physics import physics_to_text
+from tt_core.params import check, param
+from tt_core.ros.convert import ball_from_message, camera_from_message, joints_from_message, pixel_from_message
+from tt_core.ros.diagnostics import Event, Status
+from tt_core.ros.inputs import Input
+from tt_core.ros.node_main import run
+from tt_core.ros.params import declare, declare_physics
+from tt_core.ros.qos import LATCHED, NEWEST, RELIABLE, SENSOR
+from tt_core.ros.refusals import Refusals
+from tt_eval.contact_watch import is_near, racket_of, time_to_contact
+from tt_eval.lesson import RETURN_SEEN, Lesson
+from tt_predict.learning import LearningParams, PhysicsLearner
+from tt_vision.camera import Camera
+from tt_vision.camera_pose import CameraPose
+from tt_vision.rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_SIDES, wide_pair
+from tt_vision.tracking import TrackerParams
+from tt_vision.warm import warm_tracker
+
+NICE = 5  # priority of the process: the ball on its way comes first
+LARGEST_PIXEL, LARGEST_INFO, LARGEST_STATE, LARGEST_JOINTS = 1024, 4096, 4096, 1 << 16  # bytes
+SILENCE = 0.3  # s without a pixel, after which a ball is over
+
+
+@dataclass(frozen=True)
+class LearnParams:
+    """Whose racket it is, and where what was learnt is kept."""
+
+    robot: str = param("", "", "path of an arm file, see docs/arms.md; empty: the PA10")
+    save: str = param("", "", "file that is written after each ball, for `more_params_file:=` of the next start; empty: none")
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        check(self)
+
+
+class LearnNode(Node):
+    """Subscribe to pixels, camera_info, ball/measured and joint_states; publish `physics` after each ball that has told something.
+
+    The poses of the cameras are the parameters {wide_left,wide_right}.rotation and .translation, as of the track node.
+    """
+
+    def __init__(self) -> None:
+        """Declare parameters, compile the kernels, then subscribe."""
+        super().__init__("learn")
+        self.params = declare(self, LearnParams)
+        self.tracking = declare(self, TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD))
+        self.physics = declare_physics(self)
+        self.base = str(self.get_parameter("physics").value)
+        self.learner = PhysicsLearner(self.physics, declare(self, LearningParams, "learning."))
+        self.model = load_arm(self.params.robot) if self.params.robot else ArmModel.pa10()
+        self.cameras: list[Camera] = list(wide_pair())
+        self.poses = [declare(self, CameraPose.of(c), f"{name}.") for name, c in zip(WIDE_SIDES, self.cameras, strict=True)]
+        self.infos: list[CameraInfo | None] = [None, None]
+        self.lesson: Lesson | None = None
+        self.newest = -np.inf  # s, stamp of the newest pixel
+        warm_tracker(self.cameras)
+        self.status = Status(self)
+        self.learnt = self.create_publisher(String, "physics", LATCHED)
+        self.refused = {what: Refusals(self.status, what) for what in ("measured ball", "pixel", "camera_info", "joint state")}
+        inputs = list[Input]()
+        for side, name in enumerate(WIDE_SIDES):
+            info, pixel = f"camera/{name}/camera_info", f"camera/{name}/ball"
+            on_info, on_pixel = partial(self.on_info, side), partial(self.on_pixel, side)
+            inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.refused["camera_info"]))
+            inputs.append(Input(self, PointStamped, pixel, on_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self.refused["pixel"]))
+        ball, joints = self.refused["measured ball"], self.refused["joint state"]
+        inputs.append(Input(self, Odometry, "ball/measured", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=ball))
+        inputs.append(Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=joints))
+        self.status.wait_for(inputs)
+
+    def on_info(self, side: int, message: CameraInfo) -> None:
+        """Take the calibration of a camera, unless it is the same as before."""
+        message.header = CameraInfo().header  # drivers send the same calibration again and again
+        if message == self.infos[side]:
+            return
+        try:
+            width, height, matrix, distortion = camera_from_message(message)
+            old = self.cameras[side]
+            camera = Camera.from_matrix(old.rotation, old.translation, matrix, width, height, distortion, old.pixel_size)
+            self.cameras[side], self.infos[side] = self.poses[side].placed(camera), message
+        except TtError as error:
+            self.refused["camera_info"](error)
+            return
+        self.lesson = None
+
+    def on_ball(self, message: Odometry) -> None:
+        """Begin with a measured ball."""
+        try:
+            ball = ball_from_message(message)
+            lesson = self.lesson_at(ball.time)
+            lesson.start(ball)
+        except TtError as error:
+            self.refused["measured ball"](error)
+
+    def on_pixel(self, side: int, message: PointStamped) -> None:
+        """Take a pixel of the ball before or after the racket."""
+        if None in self.infos:  # where they look is not known yet
+            return
+        try:
+            stamp, pixel = pixel_from_message(message)
+            self.lesson_at(stamp).add_pixel(stamp, side, pixel)
+        except TtError as error:
+            self.refused["pixel"](error)
+            return
+        self.newest = max(self.newest, stamp) if abs(stamp - self.newest) < SILENCE else stamp
+
+    def on_joints(self, message: JointState) -> None:
+        """See whether the racket meets the ball, and whether the ball is over."""
+        try:
+            state = joints_from_message(message, self.model.names)
+            if state is None or state[2] is None or self.lesson is None:
+                return
+            joints = Joints(state[0], state[1], state[2])
+            if joints.time > min(self.newest + SILENCE, self.lesson.struck + RETURN_SEEN + SILENCE):
+                self.finish()
+            elif self.lesson.struck == np.inf:
+                self.look_for_contact(self.lesson, joints)
+        except TtError as error:
+            self.refused["joint state"](error)
+
+    def look_for_contact(self, lesson: Lesson, joints: Joints) -> None:
+        """Tell the lesson of the contact at the first joint state after it."""
+        last = lesson.tracker.state()
+        if last is None:
+            return
+        met = racket_of(self.model, joints)
+        if not is_near(met.racket, last):
+            return
+        ball = lesson.tracker.state(joints.time)
+        if ball is not None and time_to_contact(met.racket, ball) <= 0.0:
+            lesson.strike(met.racket, met.turning)
+
+    def lesson_at(self, stamp: float) -> Lesson:
+        """Return the lesson of the ball that is seen at a stamp (s); begin another one after a struck ball or a pause."""
+        if self.lesson is not None and (stamp > self.lesson.struck + RETURN_SEEN or abs(stamp - self.newest) > SILENCE):
+            self.finish()
+        if self.lesson is None:
+            self.lesson = Lesson(self.learner, self.cameras, self.tracking)
+            self.newest = stamp
+        return self.lesson
+
+    def finish(self) -> None:
+        """Learn from the ball that is over, and publish what has changed."""
+        lesson, self.lesson = self.lesson, None
+        if lesson is None or not lesson.finish():
+            return
+        text = physics_to_text(self.learner.physics, self.base)
+        self.learnt.publish(String(data=text))
+        if self.params.save:
+            try:
+                Path(self.params.save).write_text(text)
+            except OSError as error:
+                self.status.publish(f"not saved: {error}", warn=True)
+        factors: dict[str, Any] = dict(zip(FACTORS, np.exp(self.learner.logarithms).round(4).tolist(), strict=True))
+        self.status.publish(Event.LEARNT, stamp=self.newest, **factors)
+
+
+def main() -> None:
+    """Run the node."""
+    run(LearnNode, nice=NICE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""Coefficients as text, in the form of a ROS parameter file, as `identify` writes them and the topic `physics` carries them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import yaml
+
+from .errors import BadChoice, NotFinite, TtError
+from .physics import Physics
+
+NODES = ("estimate", "track", "predict", "racket")  # that use the models
+PARTS = ("air", "table", "racket")
+MOST_CHARACTERS = 20_000  # of a text; one has 3,000
+
+
+def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -> str:
+    """Return all coefficients for each node.
+
+    Args:
+        physics: The models.
+        base: Name of the models that they belong to, "liu" or "measured".
+        nodes: Names of the nodes.
+    """
+    values = [
+        f"    {part}.{field.name}: {float(getattr(getattr(physics, part), field.name))!r}"
+        for part in PARTS
+        for field in fields(getattr(physics, part))
+    ]
+    lines = list[str]()
+    for node in nodes:
+        lines += [f"/**/{node}:", "  ros__parameters:", f"    physics: {base}", *values]
+    return "\n".join(lines) + "\n"
+
+
+def physics_from_text(text: str, node: str, present: Physics) -> Physics:
+    """Return the models of a node by such a text.
+
+    Args:
+        text: May come from anywhere.
+        node: Name of the node.
+        present: What holds for coefficients that the text does not name.
+
+    Raises:
+        TtError: The text is too long, no such file, or has nothing for this node.
+        BadChoice: A coefficient is unknown.
+        NotFinite: A coefficient is no finite number.
+        OutOfRange: A coefficient is outside its range.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise TtError(f"text of {len(text)} characters is longer than {MOST_CHARACTERS}")
+    try:
+        content = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError, TypeError, AttributeError, LookupError) as error:
+        raise TtError(f"no YAML: {type(error).__name__}") from None
+    section = _mapping(_mapping(content).get(f"/**/{node}"))
+    values = _mapping(section.get("ros__parameters"))
+    if not values:
+        raise TtError(f"nothing for /**/{node}")
+    changes: dict[str, dict[str, float]] = {part: {} for part in PARTS}
+    for name, value in values.items():
+        if name == "physics":
+            continue
+        part, _, field = str(name).partition(".")
+        known = tuple(one.name for one in fields(getattr(present, part))) if part in PARTS else ()
+        if field not in known:
+            raise BadChoice("coefficient", str(name), tuple(f"{part}.{one}" for one in known) or PARTS)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise NotFinite(str(name), value)
+        changes[part][field] = float(value)
+    return replace(present, **{part: replace(getattr(present, part), **changes[part]) for part in PARTS})
+
+
+def _mapping(value: Any) -> Mapping[Any, Any]:
+    """Return a value if it is a mapping, else an empty one."""
+    return value if isinstance(value, Mapping) else {}
