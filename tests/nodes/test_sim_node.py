@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
-from tt_arm.model import WAITING
+from tt_arm.arm_file import load_arm
 from tt_core.ros.convert import ball_from_message, image_from_message, pixel_from_message, seconds
 from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
@@ -214,7 +214,7 @@ def test_killed_and_started_again_it_works_at_once(start, probe, until):
         listening = probe.create_subscription(JointState, "/joint_states", states.append, RELIABLE)
         out = probe.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
         until(lambda states=states: states, probe)
-        assert states[0].position == pytest.approx(WAITING, abs=1e-9)
+        assert states[0].position == pytest.approx(load_arm("pa10").waiting, abs=1e-9)
         keep_moving(probe, until, states, out, -0.5)
         node.kill()
         node.wait()

@@ -10,7 +10,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tt_eval"]),
         ("share/tt_eval", ["package.xml"]),
-        ("lib/tt_eval", ["scripts/evaluate", "scripts/experiment", "scripts/fit_sensor_error", "scripts/sweep"]),
+        ("lib/tt_eval", ["scripts/arm", "scripts/evaluate", "scripts/experiment", "scripts/fit_sensor_error", "scripts/sweep"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

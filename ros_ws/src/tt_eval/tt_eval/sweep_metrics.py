@@ -12,7 +12,7 @@ from tt_sim.world.outcome import Outcome, Result
 from .episode import Episode, spin_error, truth
 
 # SI units but for names with _rpm and _deg; NaN where a ball did not get that far; miss and reason are empty for a return
-TEXTS = ("kind", "miss", "reason", "judged_miss")
+TEXTS = ("kind", "miss", "reason", "judged_miss", "limit")
 RETURN = ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z", "landing_error", "time_error", "return_spin_error")
 NUMBERS = (
     "seed", "scale", "speed", "spin_rpm", "seen", "hit", "landed", "measured_spin_error_rpm", "measured_speed_error_rpm",
@@ -24,8 +24,8 @@ NUMBERS = (
 def sweep_metrics(episode: Episode) -> dict[str, float | str]:
     """Return the row of a ball: all of TEXTS and NUMBERS.
 
-    `speed` and `spin_rpm` are those of the launch. Names with "judged" are by the wide cameras alone, all others are true. `arm_back` is
-    the time (s) after the launch when the arm waits again.
+    `speed` and `spin_rpm` are those of the launch. `limit` is what kept the arm from the best stroke. Names with "judged" are by the wide
+    cameras alone, all others are true. `arm_back` is the time (s) after the launch when the arm waits again.
     """
     trial, outcome, goal, selection = episode.trial, episode.outcome, episode.goal, episode.selection
     judged = episode.judged
@@ -35,6 +35,7 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
         "miss": str(episode.miss or ""),
         "reason": str(episode.reason or ""),
         "judged_miss": str(episode.judged_miss or ""),
+        "limit": limit(episode),
     }
     row |= {"seed": trial.seed, "scale": trial.scale, "seen": episode.measured is not None}
     row |= {"speed": float(np.linalg.norm(trial.ball.velocity)), "spin_rpm": float(np.linalg.norm(trial.ball.spin)) / RPM}
@@ -59,6 +60,18 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
         if goal is not None:
             row |= {f"{prefix}{name}": value for name, value in _returned(who, goal).items()}
     return {key: value if isinstance(value, str) else float(value) for key, value in row.items()}
+
+
+def limit(episode: Episode) -> str:
+    """Return what kept the arm from the best of its strokes: the name of the failure's code, and the joint if it is about one.
+
+    Empty where the arm made a stroke, or was offered none.
+    """
+    selection = episode.selection
+    if selection is None or selection.index is not None or not selection.reasons:
+        return ""
+    failure = selection.reasons[0].failure
+    return " ".join([failure.code.name, *([failure.values["joint"]] if "joint" in failure.values else [])])
 
 
 def _returned(outcome: Outcome, goal: ReturnGoal) -> dict[str, float]:

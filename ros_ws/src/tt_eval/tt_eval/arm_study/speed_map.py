@@ -1,0 +1,64 @@
+"""How fast the racket of an arm can be over its hit window, and which joint bounds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from tt_arm.model import ArmModel
+from tt_arm.reach import Reach, ReachParams, reach
+from tt_core.hit_windows import HitWindow
+from tt_core.states import Array, RacketState
+
+COLUMNS, ROWS = 9, 6  # points of the map across the table and upwards
+FASTEST = 16.0  # m/s, looked for at most
+STEPS = 7  # halvings of the speed
+UPWARDS = 0.6  # of the forward velocity, as in usual returns
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedMap:
+    """Racket speeds in the plane in the middle of the hit window.
+
+    Attributes:
+        y: (COLUMNS,) m.
+        z: (ROWS,) m.
+        speed: (ROWS, COLUMNS) m/s, of a racket that moves forwards and upwards with its face forwards; 0 out of reach.
+        bounding: By joint, share of the points within reach where its speed limit is used most.
+    """
+
+    y: Array
+    z: Array
+    speed: Array
+    bounding: dict[str, float]
+
+
+def speed_map(model: ArmModel, window: HitWindow, command_timeout: float) -> SpeedMap:
+    """Find the speeds, by halving, from postures that leave room to brake after the drives held a command for `command_timeout` (s)."""
+    y, z = np.linspace(window.y_low, window.y_high, COLUMNS), np.linspace(window.z_low, window.z_high, ROWS)
+    speeds, bounding, x = np.zeros((ROWS, COLUMNS)), list[int](), 0.5 * (window.x_low + window.x_high)
+    params = ReachParams(swing_time=1.0, command_timeout=command_timeout)
+    for row, height in enumerate(z):
+        for column, side in enumerate(y):
+            found = _fastest(model, np.array([x, side, height]), params)
+            if found is not None:
+                speeds[row, column], posture = found
+                bounding.append(int(np.argmax(np.abs(posture.qdot) / model.speed_limits)))
+    shares = {name: float(np.mean(np.array(bounding) == i)) for i, name in enumerate(model.names)} if bounding else {}
+    return SpeedMap(y, z, speeds, shares)
+
+
+def _fastest(model: ArmModel, place: Array, params: ReachParams) -> tuple[float, Reach] | None:
+    """Return the highest speed (m/s) at a place (3,) m and its posture; None if the place is out of reach."""
+    low, high, best = 0.0, FASTEST, None
+    way = np.array([1.0, 0.0, UPWARDS]) / np.hypot(1.0, UPWARDS)
+    for speed in (0.0, *[None] * STEPS):
+        tried = 0.5 * (low + high) if speed is None else speed
+        found = reach(model, RacketState(1.0, place, tried * way, 0.0, 0.5 * np.pi), model.waiting, params)
+        if found.reason is None:
+            low, best = tried, found
+        elif speed is not None:
+            return None
+        else:
+            high = tried
+    return None if best is None else (low, best)
