@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from tt_arm.arm_file import load_arm
 from tt_arm.joints import NO_ACCELERATION_LIMIT, Joints
 from tt_arm.model import ArmModel
+from tt_arm.reach import reach
 from tt_arm.safety.clearance import braking_clearance, clearance
 from tt_arm.safety.command_limits import SAME
 from tt_arm.safety.guard import Guard, GuardParams
@@ -17,6 +18,7 @@ from tt_arm.safety.stops import ArmStop
 from tt_arm.swing import SwingLimits
 from tt_core.errors import OutOfRange
 from tt_core.robots import robots
+from tt_core.states import RacketState
 from tt_sim.world.plant import Plant, PlantParams
 
 ARMS, TICK = {name: load_arm(name) for name in robots()}, 0.002
@@ -60,10 +62,12 @@ def test_nonsense_never_leaves(arm, commands):
         last = allowed
 
 
-TOUCHING = {  # the racket in the table
-    "pa10": np.radians((-54, 92, 68, 67, -12, 46, 167)),
-    "frame5": np.array([0.0, 1.2, -1.1, 1.1, 0.0]),
-}
+def touching(arm):
+    """The lower edge of the racket 15 mm in the table, near its end."""
+    racket = RacketState.facing(0.0, np.array([0.03, 0.7625, 0.06]), np.zeros(3), np.array([1.0, 0.0, 0.0]))
+    found = reach(arm, racket, arm.waiting, method="any")
+    assert found.reason is None
+    return found.q
 
 
 def damaged(code, name):
@@ -75,7 +79,7 @@ def damaged(code, name):
     states = {
         ArmStop.BEYOND_LIMIT: at(0.0, beyond, arm=arm),
         ArmStop.OVERSPEED: at(0.0, qdot=too_fast, arm=arm),
-        ArmStop.CONTACT: at(0.0, TOUCHING[name], arm=arm),
+        ArmStop.CONTACT: at(0.0, touching(arm), arm=arm),
     }
     return states[code]
 

@@ -34,7 +34,7 @@ setup(
         ),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
-        *((f"share/tt_bringup/{folder}", files(folder)) for folder in ("config/pa10", "config/frame5")),
+        *((f"share/tt_bringup/{folder}", files(folder)) for folder in ("config/pa10", "config/pa10_left", "config/frame5")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

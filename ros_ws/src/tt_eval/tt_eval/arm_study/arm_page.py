@@ -52,7 +52,7 @@ def score_table(study: Study) -> Table:
     scales = study.catapult.numbers["scale"]
     groups = [(f"catapult, scale {scale:.0f}", study.catapult, scales == scale) for scale in np.unique(scales)]
     rows = [(name, *shares(sweep, chosen)) for name, sweep, chosen in (*groups, ("real play", study.rallies, None))]
-    cells = [[name, str(count), *(f"{value:.1f}" for value in values)] for name, count, *values in rows]
+    cells = [[name, str(count), *("-" if np.isnan(value) else f"{value:.1f}" for value in values)] for name, count, *values in rows]
     return Table(("balls", "count", "hit, %", "on the table, %", "landing off, cm: median"), cells, "What comes back, world real")
 
 
