@@ -304,3 +304,36 @@ def test_a_bad_parameter_ends_it_with_the_reason(start):
     node = start("tt_arm.arm_node", "--ros-args", "-p", "swing.acceleration:=-1.0")
     assert node.wait(timeout=120) == 2
     assert "acceleration = -1 is outside [0.1, 1000]" in node.stderr.read()
+
+
+def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
+    """Behind a trajectory controller, whose arm is at the first point when that is due."""
+    from std_srvs.srv import SetBool
+    from trajectory_msgs.msg import JointTrajectory
+    from tt_core.ros.convert import seconds, strokes_to_message
+    from tt_core.ros.qos import LATEST
+
+    bench, lasts = Bench(probe), []
+
+    def on_trajectory(message):
+        first, last = message.points
+        bench.commands += 1
+        bench.command = (np.array(first.positions) - bench.joints.q) / seconds(first.time_from_start)
+        lasts.append(last.velocities)
+
+    probe.create_subscription(JointTrajectory, "/arm_trajectory_controller/joint_trajectory", on_trajectory, LATEST)
+    start("tt_arm.arm_node", *PATIENT, "-p", "commands:=trajectory", "-p", "lost:=0.3")
+    until(lambda: bench.strokes.get_subscription_count() == bench.states.get_subscription_count() == 1, probe)
+    end = time.time() + 120.0
+    while bench.commands == 0:  # its executor spins
+        assert time.time() < end
+        bench.run(TICK)
+    assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
+    bench.run(0.2)
+    now = time.time()
+    racket = RacketState(now + LEAD, np.array([-0.15, 0.70, 0.25]), np.array([0.65, 0.064, 1.72]), -0.012, 1.66)  # Table 4.3 case 2
+    bench.strokes.publish(strokes_to_message([racket], now))
+    there = bench.run(LEAD + 2.0, racket.time)
+    assert there.position == pytest.approx(racket.position, abs=0.03)  # the plant reaches a point 20 ms late, at 1.8 m/s
+    assert bench.joints.q == pytest.approx(MODEL.waiting, abs=0.02)  # and back again
+    assert not np.any(lasts) and probe.count_publishers("/arm_velocity_controller/commands") == 0

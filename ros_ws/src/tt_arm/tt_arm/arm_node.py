@@ -33,10 +33,12 @@ from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
+from tt_core.states import Array
 
 from .arm_file import load_arm
 from .control import ArmControl, ControlParams, ControlStep, warm
 from .joints import Joints
+from .position_stream import LONGEST_AHEAD, PositionStream
 from .reach import ReachParams
 from .safety.guard import GuardParams
 from .safety.joint_states import JointStateParams
@@ -85,6 +87,15 @@ class ArmParams:
     joints: tuple[str, ...] = param(
         (), "", "names of the joints in joint states, in the order of the commands; empty: the names of the URDF"
     )
+    commands: str = param(
+        "velocity",
+        "",
+        "what the driver takes: velocities on arm_velocity_controller/commands, or positions on arm_trajectory_controller/joint_trajectory",
+        choices=("velocity", "trajectory"),
+    )
+    stream_ahead: float = param(
+        0.02, "s", "time for which the positions of `commands: trajectory` lead on; then they brake", low=0.001, high=LONGEST_AHEAD
+    )
     rtf: float = param(1.0, "", "simulated seconds that pass in one second", low=0.01, high=10.0)
     speed_scale: float = param(
         1.0, "", "share of the speed limits that the arm may use; acts while the arm moves", low=0.01, high=1.0, dynamic=True
@@ -98,7 +109,7 @@ class ArmParams:
 
 
 class ArmNode(Node):
-    """Subscribe to joint states and strokes; publish velocity commands, the planned swing and the description of the arm."""
+    """Subscribe to joint states and strokes; publish commands, the planned swing and the description of the arm."""
 
     def __init__(self) -> None:
         """Declare the parameters, check the arm, load the kernels, and connect."""
@@ -133,7 +144,12 @@ class ArmNode(Node):
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
         self.arrival, self.ending = threading.Event(), False
-        self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
+        self.stream: PositionStream | None = None
+        if params.commands == "trajectory":
+            self.stream = PositionStream(self.control.limits.of_joints(model).acceleration, params.stream_ahead)
+            self.commands = self.create_publisher(JointTrajectory, "arm_trajectory_controller/joint_trajectory", LATEST)
+        else:
+            self.commands = self.create_publisher(Float64MultiArray, "arm_velocity_controller/commands", LATEST)
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
         self.description.publish(String(data=model.placed_description))
@@ -184,7 +200,7 @@ class ArmNode(Node):
             self.on_refused_state(error)
             return
         except Exception as error:  # whatever it is, the arm must stop
-            self.commands.publish(Float64MultiArray(data=self.control.fail(error, now).tolist()))
+            self.command(self.control.fail(error, now))
             self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
             self.publish_stop(self.control.guard.latched)
             return
@@ -202,13 +218,21 @@ class ArmNode(Node):
 
     def send(self, step: ControlStep) -> None:
         """Publish a command, and what is to be reported with it."""
-        self.commands.publish(Float64MultiArray(data=step.command.tolist()))
+        self.command(step.command)
         if step.begun is not None:
             self.status.publish(Event.FIRST_COMMAND, stamp=self.frame_time)
         if step.interrupted:  # the stroke may still be made from where the arm is now
             self.strokes = self.strokes or self.planned
             self.arrival.set()
         self.publish_stop(step.reason)
+
+    def command(self, command: Array) -> None:
+        """Publish a velocity command (n,), rad/s or m/s, as the arm takes it: as it is, or as positions, once there are joint states."""
+        if self.stream is None:
+            self.commands.publish(Float64MultiArray(data=command.tolist()))
+        elif self.control.joints is not None:
+            points = self.stream.points(self.monotonic(), self.control.joints.q, command)
+            self.commands.publish(swing_to_message(self.joints, 0.0, *points))  # a stamp of 0: from the time of arrival on
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
         """Pass strokes to the planning thread. Older ones that it has not taken yet are replaced."""
@@ -322,7 +346,7 @@ class ArmNode(Node):
         self.control.enable(False, failure)
         while time.monotonic() < end:
             command = self.control.refuse(self.monotonic(), failure).command
-            self.commands.publish(Float64MultiArray(data=command.tolist()))
+            self.command(command)
             if not command.any():
                 break
             time.sleep(TICK)
