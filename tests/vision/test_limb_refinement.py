@@ -7,13 +7,24 @@ import pytest
 from tt_core.constants import RPM
 from tt_eval.synthetic_bursts import calibrated_lamps
 from tt_sim.render import Lamps, Texture
-from tt_vision.detection.illumination import LAMP, Illumination, refit_illumination, shade
+from tt_vision.detection.illumination import GLOSS, LAMP, Illumination, polynomials, refit_illumination
 from tt_vision.first_look import look_at
 from tt_vision.measure import measure
 from tt_vision.spin.registration import SearchParams
 from tt_vision.spin.surface_map import map_surface
 
 ONCE = SearchParams(second_look=False)
+
+
+def shade(normals, light):
+    """White and gloss, (images, size, size) each."""
+    h = np.zeros((*normals.shape, 16))
+    for place in np.ndindex(normals.shape):
+        if normals[place]["cosine"] > 0.0:
+            polynomials(normals[place]["x"], normals[place]["y"], normals[place]["z"], h[place])
+    cameras = np.arange(len(normals)) * len(light.harmonics) // len(normals)
+    parts = (h, light.harmonics), (h[..., :GLOSS], light.gloss)
+    return [np.einsum("mjik,mk->mji", each, factors[cameras]).astype(np.float32) for each, factors in parts]
 
 
 def seen(shot, lamps=None):
@@ -47,16 +58,16 @@ def test_known_lamps_place_the_outline(shots):
 
 
 def test_light_fitted_to_known_marks_is_the_light_that_made_them(film):
-    """Images made of marks, light and gloss by `shade` itself: the fit gives both back."""
+    """Images made of marks, light and gloss: the fit gives both back."""
     _, surface = seen(film(74))
     rng = np.random.default_rng(0)
     harmonics, gloss = np.zeros((2, 16)), np.zeros((2, 4))
     harmonics[:, 0], harmonics[:, 1:4], gloss[:, 0], gloss[:, 1:] = 120.0, rng.normal(0.0, 20.0, (2, 3)), 15.0, rng.normal(0.0, 5.0, (2, 3))
-    true, centres = Illumination(harmonics, gloss, np.ones(12), np.zeros((2, 0), dtype=LAMP)), surface.images.views["centre"]
-    white, shine = shade(surface.normals, centres, true)
+    true = Illumination(harmonics, gloss, np.ones(12), np.zeros((2, 0), dtype=LAMP))
+    white, shine = shade(surface.normals, true)
     marks = np.where(rng.random(white.shape) < 0.3, 0.1, 1.0).astype(np.float32)
     dark = true._replace(harmonics=harmonics * 0.0, gloss=gloss * 0.0)
-    found = shade(surface.normals, centres, refit_illumination(dark, marks * white + shine, surface.normals, marks))
+    found = shade(surface.normals, refit_illumination(dark, marks * white + shine, surface.normals, marks))
     inside = surface.normals["cosine"] > 0.3
     for got, wanted in zip(found, (white, shine), strict=True):
         assert got[inside] == pytest.approx(wanted[inside], abs=1.0)  # grey levels: the ridge on gloss, 1e-4, holds it back by so much

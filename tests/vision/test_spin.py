@@ -192,7 +192,7 @@ def test_the_step_of_the_refinement_leads_to_the_spin(rendered):
     first = look_at(rendered.burst).estimate(rendered.burst)
     surface = map_surface(rendered.burst, first.motion, first.light)
     best = estimate_spin(rendered.frames, rendered.times, rendered.cameras, search=SearchParams(second_look=False)).spin
-    points = Rotation.random(2000, random_state=0).as_matrix()[:, 0]
+    points = Rotation.random(2000, random_state=0).as_matrix()[:, 0].astype(np.float32)
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):
         found = compare_all(start, points, surface.images)
         assert np.linalg.norm(start - np.linalg.solve(found.normal_matrix, found.gradient) - best) / RPM < 8.0

@@ -135,7 +135,7 @@ class ArmNode(Node):
         )
         self.on_params(params)
         self.status = Status(self, hardware=model.pinocchio.name)
-        self.frame_time: float | None = None  # of the last frame that the coming swing rests on
+        self.frame_time: float | None = None  # of the last frame that the coming swing rests on; None once its first command is told
         self.reported, self.reported_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
         check_feasible(model, self.control.limits)
@@ -219,8 +219,9 @@ class ArmNode(Node):
     def send(self, step: ControlStep) -> None:
         """Publish a command, and what is to be reported with it."""
         self.command(step.command)
-        if step.begun is not None:
-            self.status.publish(Event.FIRST_COMMAND, stamp=self.frame_time)
+        if step.begun is not None and self.frame_time is not None:
+            stamp, self.frame_time = self.frame_time, None
+            self.status.publish(Event.FIRST_COMMAND, stamp=stamp)
         if step.interrupted:  # the stroke may still be made from where the arm is now
             self.strokes = self.strokes or self.planned
             self.arrival.set()
@@ -267,13 +268,13 @@ class ArmNode(Node):
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
+        self.frame_time = stamp  # its swing may begin before `take` returns
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
             return
-        self.frame_time = stamp
         self.status.publish(
             Event.SWING,
             stamp=stamp,

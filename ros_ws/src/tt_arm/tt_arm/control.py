@@ -26,8 +26,8 @@ from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
 from .stroke_correction import stroke_distance
-from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_stroke
-from .swing import Swing, SwingLimits, plan
+from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_sooner, select_stroke
+from .swing import Swing, SwingLimits, plan, strike
 from .trajectory.legs import make_leg
 from .trajectory.path import Path
 
@@ -40,7 +40,11 @@ class ControlParams:
     """When strokes are taken, and when a path is given up."""
 
     ahead: float = param(
-        0.010, "s", "time from a joint state to the begin of the swing planned on it, room for the planning itself", low=0.0, high=0.5
+        0.006,
+        "s",
+        "time from a joint state to the begin of the swing planned on it; no more than `servo.lead`, so that it begins once it is planned",
+        low=0.0,
+        high=0.5,
     )
     replan: bool = param(True, "", "whether newer strokes for the ball on its way may change the swing")
     replan_distance: float = param(
@@ -289,17 +293,39 @@ class ArmControl:
         elif current is not None:  # another ball: what is on its way comes first
             begin, current = current[0].time, None
         time = max(joints.time + self.params.ahead, begin)
-        path = coming if coming is not None and coming.start.time <= time else swing
+        start = _path_at(time, swing, coming).joints(time)
         hurried = self._hurries(rackets)
-        start = path.joints(time)
         selected = select_stroke(self.model, rackets, start, self._limits, self.reaching, self.selection, current, hurried)
-        if selected.swing is None or selected.racket is None or selected.reach is None:
-            return selected
+        if selected.swing is None or not self._commit(selected, begin, stops):
+            return selected if selected.swing is None else _refused(Failure(ArmStop.STOPPED_MEANWHILE))
+        return self._sooner(selected, rackets, start, begin, stops) if hurried and current is None else selected
+
+    def _commit(self, selected: StrokeSelection, begin: float, stops: int) -> bool:
+        """Let a selected swing come next, unless the swing was given up since `stops`; return whether it comes."""
+        if selected.racket is None or selected.reach is None:
+            return False
         with self._lock:
             if stops != self._stops:
-                return _refused(Failure(ArmStop.STOPPED_MEANWHILE))
+                return False
             self.coming, self.stroke, self._begin = selected.swing, (selected.racket, selected.reach), begin
-        return selected
+        return True
+
+    def _sooner(
+        self, selected: StrokeSelection, rackets: Sequence[RacketState], start: Joints, begin: float, stops: int
+    ) -> StrokeSelection:
+        """Change a swing that comes or has begun to the candidate after which the arm waits again soonest, and return the selection.
+
+        The arm need not wait for the posture search of all candidates: it moves on the first one meanwhile, and from there to the best one.
+        """
+        sooner = select_sooner(self.model, rackets, start, self._limits, self.reaching, self.selection, selected)
+        with self._lock:
+            joints, swing, coming = self.joints, self.swing, self.coming
+        if sooner is selected or joints is None or swing is None or sooner.racket is None or sooner.reach is None:
+            return selected
+        time = max(joints.time + self.params.ahead, begin)
+        planned = strike(self.model, _path_at(time, swing, coming).joints(time), sooner.reach, sooner.racket.time, self._limits)
+        changed = replace(sooner, swing=planned.swing)
+        return changed if planned.swing is not None and self._commit(changed, begin, stops) else selected
 
     def fail(self, error: Exception, now: float) -> Array:
         """Latch for an error of the program itself.
@@ -416,6 +442,11 @@ class ArmControl:
         """Drop all swings, and when balls came."""
         self._give_up()
         self._before = self._ball = -np.inf
+
+
+def _path_at(time: float, swing: Swing, coming: Swing | None) -> Swing:
+    """Return which of the swings the arm is on at `time`, s."""
+    return coming if coming is not None and coming.start.time <= time else swing
 
 
 def _refused(failure: Failure) -> StrokeSelection:

@@ -117,7 +117,7 @@ def select_stroke(
         reaching: What the posture search weighs.
         params: How many candidates are tried.
         current: The stroke on its way, which is corrected where it can be, see `stroke_correction`.
-        hurried: Whether another ball comes soon. Then the candidate is selected after which the arm waits again soonest.
+        hurried: Whether another ball comes soon. Then `select_sooner` may follow, so that as many are tried as it tries.
     """
     reasons: list[Refusal] = []
     if current is not None:
@@ -127,21 +127,44 @@ def select_stroke(
                 if planned.swing is not None:
                     return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons))
             reasons += [Refusal(planned.failure, change.candidate, adjusted=True)] if planned.failure else []
-    found: StrokeSelection | None = None
     tries = params.hurried if hurried else params.tries
     for i, racket in enumerate(rackets[:tries]):
         target, planned = _try(model, racket, start, limits, reaching, params)
-        if planned.swing is None:
-            reasons += [Refusal(planned.failure, i)] if planned.failure else []
-        elif found is None or found.swing is None or planned.swing.end_time < found.swing.end_time:
-            found = StrokeSelection(i, racket, target, planned.swing, ())
-        if found is not None and not hurried:
-            break
-    if found is not None:
-        return replace(found, reasons=tuple(reasons))
+        if planned.swing is not None:
+            return StrokeSelection(i, racket, target, planned.swing, tuple(reasons))
+        reasons += [Refusal(planned.failure, i)] if planned.failure else []
     if len(rackets) > tries:
         reasons.append(Refusal(Failure(SelectionFailure.NOT_TRIED, first=tries, last=len(rackets) - 1)))
     return StrokeSelection.none(reasons)
+
+
+def select_sooner(
+    model: ArmModel,
+    rackets: Sequence[RacketState],
+    start: Joints,
+    limits: SwingLimits,
+    reaching: ReachParams,
+    params: SelectionParams,
+    selected: StrokeSelection,
+) -> StrokeSelection:
+    """Select, of a selection and the candidates after it, the one after which the arm waits again soonest.
+
+    Args:
+        model: See `select_stroke`.
+        rackets: See `select_stroke`.
+        start: See `select_stroke`.
+        limits: See `select_stroke`.
+        reaching: See `select_stroke`.
+        params: See `select_stroke`.
+        selected: The first candidate that the arm can make.
+    """
+    first: int = selected.index  # type: ignore[assignment]
+    best, end = selected, selected.swing.end_time  # type: ignore[union-attr]
+    for i, racket in enumerate(rackets[first + 1 : params.hurried], first + 1):
+        target, planned = _try(model, racket, start, limits, reaching, params)
+        if planned.swing is not None and planned.swing.end_time < end:
+            best, end = replace(selected, index=i, racket=racket, reach=target, swing=planned.swing), planned.swing.end_time
+    return best
 
 
 def _try(

@@ -31,6 +31,7 @@ from .state_selection import StateSelection, StateSelectionParams
 from .uncertainty import uncertainty
 
 UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
+NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_STATE = 4096  # bytes: a state has 730
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
@@ -139,7 +140,7 @@ class PredictNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(PredictNode)
+    run(PredictNode, nice=NICE)
 
 
 if __name__ == "__main__":

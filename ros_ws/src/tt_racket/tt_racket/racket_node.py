@@ -30,6 +30,7 @@ from .intercept import InterceptParams, intercept
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import solve
 
+NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
 LARGEST_GOAL = 4096  # bytes: one point has 200
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
@@ -149,7 +150,7 @@ class RacketNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(RacketNode)
+    run(RacketNode, nice=NICE)
 
 
 if __name__ == "__main__":

@@ -39,6 +39,7 @@ from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
 from .warm import warm
 
+NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 MOST_HELD = 8  # bursts: twelve images of 54 kB each
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
@@ -283,7 +284,7 @@ class EstimateNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(EstimateNode)
+    run(EstimateNode, nice=NICE)
 
 
 if __name__ == "__main__":

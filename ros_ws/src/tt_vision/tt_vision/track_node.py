@@ -28,6 +28,7 @@ from .rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_NOISE, WIDE_SIDES, wide_pair
 from .tracking import Tracker, TrackerParams
 from .warm import warm_tracker
 
+NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_PIXEL = 1024  # bytes: one has 60
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
@@ -147,7 +148,7 @@ class TrackNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(TrackNode)
+    run(TrackNode, nice=NICE)
 
 
 if __name__ == "__main__":

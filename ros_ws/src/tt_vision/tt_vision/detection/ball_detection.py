@@ -22,6 +22,7 @@ LEAST_RADIUS = 8.0  # pixels, of a ball whose marks can be told apart
 MOST_RADIUS = 300.0  # pixels: to measure a burst takes 0.8 s there, and time rises with the square
 MARGIN = 3.0  # pixels of background wanted around the ball
 FAR_REACH, NEAR_REACH = 0.35, 4.0  # of the radius, and pixels: how far from a circle its outline is scanned for, at first and then
+FAR_STEP = 2  # of so many rays one is scanned at first
 LEAST_POINTS = RAYS // 4  # outline points that a circle needs
 
 
@@ -168,13 +169,13 @@ def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -
 
     Args:
         image: (h, w) uint8 or uint16.
-        circle: (3,) u, v and radius, pixels; it takes the result, unless fewer than LEAST_POINTS points are returned.
+        circle: (3,) u, v and radius, pixels; it takes the result, unless there are too few points.
         contrast: Grey levels between the background and the brightest part of the ball.
         free: Whether the radius is fitted.
     """
-    for reach in (FAR_REACH * circle[2], NEAR_REACH):
-        points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast)
-        if len(points) < LEAST_POINTS:
+    for reach, step in ((FAR_REACH * circle[2], FAR_STEP), (NEAR_REACH, 1)):
+        points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast, step)
+        if len(points) < LEAST_POINTS // step:
             break
         _fit_circle(points, circle, free)
     return points

@@ -213,33 +213,6 @@ def gloss_level(x: float, y: float, z: float, light: CameraLight) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def shade(normals: np.ndarray, centres: Array, light: Illumination) -> tuple[np.ndarray, np.ndarray]:
-    """Return the grey levels of a white ball, and what its gloss adds.
-
-    Args:
-        normals: (images, size, size) NORMAL.
-        centres: (images, 3) m, the ball's centre in the camera's frame.
-        light: Of the images.
-
-    Returns:
-        White and gloss, both (images, size, size) float32, 0 off the ball.
-    """
-    images, size = normals.shape[0], normals.shape[1]
-    white, sheen = np.zeros(normals.shape, dtype=np.float32), np.zeros(normals.shape, dtype=np.float32)
-    cameras = len(light.harmonics)
-    for m in range(images):
-        of_camera, gain = camera_light(light, m * cameras // images), light.gains[m]
-        cx, cy, cz = centres[m]
-        for j in range(size):
-            for i in range(size):
-                n = normals[m, j, i]
-                if n.cosine > 0.0:
-                    white[m, j, i] = gain * white_level(n.x, n.y, n.z, cx, cy, cz, of_camera)
-                    sheen[m, j, i] = gain * gloss_level(n.x, n.y, n.z, of_camera)
-    return white, sheen
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _gains(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illumination) -> Array:
     """Return the gain (images,) of each image: the median of its grey levels over the light of the lamps."""
     images, size, cameras = stack.shape[0], stack.shape[1], len(light.lamps)

@@ -101,7 +101,7 @@ def point_weight(brightness: float, contrast: float, ragged: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, contrast: float) -> np.ndarray:
+def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, contrast: float, step: int = 1) -> np.ndarray:
     """Return the points of the ball's outline, (n,) OUTLINE_POINT with `camera` and `frame` 0.
 
     The edge is where the brightness falls to half of what the pixels inside it extrapolate to, so that a shaded side counts like a bright
@@ -114,6 +114,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
         inner: Pixels from the middle: where the scan for the edge ends.
         outer: Pixels from the middle: where the scan begins.
         contrast: Grey levels between the background and the brightest part of the ball.
+        step: Every ray of this many is scanned.
     """
     count = int((outer - inner) / SAMPLE_STEP) + 1
     radius = 0.5 * (inner + outer)
@@ -121,7 +122,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
     profile = np.empty(count + INSIDE_SAMPLES)
     points = np.zeros(RAYS, dtype=OUTLINE_POINT)
     found = 0
-    for k in range(RAYS):
+    for k in range(0, RAYS, step):
         if not sample_ray(image, u, v, k, outer, profile):
             continue
         behind = background_behind(profile)

@@ -7,15 +7,25 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.constants import BALL_RADIUS
 from tt_core.so3 import left_jacobian, rotation_matrix
 from tt_core.states import Array
 
-from ..projection import rotate, rotate_back, unpack_rotation
-from .mark_sampling import POINT_MARK, sample, sample_best
-from .surface_map import MarkImages
+from ..detection.illumination import LIMB
+from ..projection import distort, rotate, rotate_back, unpack_rotation
+from .mark_sampling import LEAST_WEIGHT, POINT_MARK, sample_best
+from .surface_map import MarkImages, view_optics
 
 PAIR_STEPS = 4  # of the refinement of a candidate
 STEPS = 12  # of the refinement on all images, at most; few marks seen aslant take 8
+
+SIGHT = np.dtype([("facing", "f4", (3,)), ("turn", "f4", (3, 3)), ("arm", "f4", (3, 3)), ("centre", "f4", (3,))])
+"""How an image sees a ball that turns.
+
+facing: unit vector to the camera in the frame of the ball as it is turned at time 0. turn: from that frame to the camera's. arm: from the
+cross product of a place's normal and a gradient, both in the camera's frame, to the derivative by the spin, s. centre: of the ball in the
+camera's frame, m.
+"""
 
 
 class PairComparison(NamedTuple):
@@ -99,49 +109,93 @@ def turned(spin: Array, images: MarkImages) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def compare_all(spin: Array, points: Array, images: MarkImages) -> Comparison:
+def _sights(spin: Array, images: MarkImages) -> np.ndarray:
+    """Return how each image sees the ball that is turned by a spin, (images,) SIGHT."""
+    views, turns, out = images.views, turned(spin, images), np.empty(len(images.views), dtype=SIGHT)
+    for m in range(len(views)):
+        t, centre, sight = images.times[images.frame_of[m]], views[m].centre, out[m]
+        arm = t * (views[m].rotation.copy() @ left_jacobian(spin * t)).T
+        distance = math.sqrt(centre[0] ** 2 + centre[1] ** 2 + centre[2] ** 2)
+        for a in range(3):
+            sight.centre[a] = centre[a]
+            sight.facing[a] = -(turns[m, 0, a] * centre[0] + turns[m, 1, a] * centre[1] + turns[m, 2, a] * centre[2]) / distance
+            for b in range(3):
+                sight.turn[a, b], sight.arm[a, b] = turns[m, a, b], arm[a, b]
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def compare_all(spin: Array, points: np.ndarray, images: MarkImages) -> Comparison:
     """Compare all images, turned back by a spin, with the marks that fit them best, point by point on the ball.
 
-    The marks are eliminated from the normal equations (variable projection, Golub and Pereyra 1973).
+    The marks are eliminated from the normal equations (variable projection, Golub and Pereyra 1973). What belongs to one point is computed
+    in single precision, which holds a place in the image to 1e-5 pixels; the sums over all points are in double precision.
 
     Args:
         spin: (3,) rad/s in `table`.
-        points: (n, 3) unit vectors on the ball as it is turned at time 0.
+        points: (n, 3) float32 unit vectors on the ball as it is turned at time 0.
         images: The marks.
     """
-    count, marks, views = len(images.views), images.marks, images.views
-    turns, arms = turned(spin, images), np.empty((count, 3, 3))
-    for m in range(count):
-        t = images.times[images.frame_of[m]]
-        arms[m] = t * (views[m].rotation.copy() @ left_jacobian(spin * t)).T
+    marks, views, sights = images.marks, images.views, _sights(spin, images)
+    limb, least, zero, one = np.float32(LIMB), np.float32(LEAST_WEIGHT), np.float32(0.0), np.float32(1.0)
+    radius_of_ball, last_u, last_v = np.float32(BALL_RADIUS), marks.shape[2] - 1, marks.shape[1] - 1
     drawn = np.zeros(len(points), dtype=POINT_MARK)
     h00 = h01 = h02 = h11 = h12 = h22 = g0 = g1 = g2 = error = total = 0.0
     for i in range(len(points)):
         p, q, s = points[i, 0], points[i, 1], points[i, 2]
-        seen, sw, sv, s0, s1, s2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-        a00 = a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = svv = 0.0
-        for m in range(count):
-            x, y, z = rotate(unpack_rotation(turns[m]), p, q, s)
-            w, value, gx, gy, gz = sample(marks, m, views[m], x, y, z)
-            if w <= 0.0:
+        seen, sw, sv, svv, s0, s1, s2, b0, b1, b2 = 0, zero, zero, zero, zero, zero, zero, zero, zero, zero
+        a00 = a01 = a02 = a11 = a12 = a22 = zero
+        for m in range(len(views)):
+            sight = sights[m]
+            facing, turn, arm, centre = sight.facing, sight.turn, sight.arm, sight.centre
+            if facing[0] * p + facing[1] * q + facing[2] * s < limb:
                 continue
-            j0, j1, j2 = rotate(unpack_rotation(arms[m]), y * gz - z * gy, z * gx - x * gz, x * gy - y * gx)
+            x = turn[0, 0] * p + turn[0, 1] * q + turn[0, 2] * s
+            y = turn[1, 0] * p + turn[1, 1] * q + turn[1, 2] * s
+            z = turn[2, 0] * p + turn[2, 1] * q + turn[2, 2] * s
+            near = one / (centre[2] + radius_of_ball * z)
+            u, v = (centre[0] + radius_of_ball * x) * near, (centre[1] + radius_of_ball * y) * near
+            optics = view_optics(views[m])
+            focal, across, down = np.float32(optics.focal), u, v
+            if optics.k1 != 0.0 or optics.k2 != 0.0 or optics.p1 != 0.0 or optics.p2 != 0.0 or optics.k3 != 0.0:
+                bent = distort(optics, np.float64(u), np.float64(v))
+                across, down = np.float32(bent[0]), np.float32(bent[1])
+            column, row = focal * across + np.float32(optics.u0), focal * down + np.float32(optics.v0)
+            k, j = int(column), int(row)
+            if k < 0 or j < 0 or k >= last_u or j >= last_v:
+                continue
+            a, b = column - np.float32(k), row - np.float32(j)
+            q11 = a * b
+            q10, q01 = a - q11, b - q11
+            q00 = one - a - q01
+            p00, p10, p01, p11 = marks[m, j, k], marks[m, j, k + 1], marks[m, j + 1, k], marks[m, j + 1, k + 1]
+            w = q00 * p00.weight + q10 * p10.weight + q01 * p01.weight + q11 * p11.weight
+            if w <= least:
+                continue
+            e = q00 * p00.brightness + q10 * p10.brightness + q01 * p01.brightness + q11 * p11.brightness - one
+            scale = focal * radius_of_ball * near
+            gx = scale * (q00 * p00.slope_u + q10 * p10.slope_u + q01 * p01.slope_u + q11 * p11.slope_u)
+            gy = scale * (q00 * p00.slope_v + q10 * p10.slope_v + q01 * p01.slope_v + q11 * p11.slope_v)
+            gz = -(gx * u + gy * v)
+            t0, t1, t2 = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
+            j0 = arm[0, 0] * t0 + arm[0, 1] * t1 + arm[0, 2] * t2
+            j1 = arm[1, 0] * t0 + arm[1, 1] * t1 + arm[1, 2] * t2
+            j2 = arm[2, 0] * t0 + arm[2, 1] * t1 + arm[2, 2] * t2
             seen += 1
-            e = value - 1.0
-            sw, sv, svv = sw + w, sv + w * e, svv + w * e * e
-            w0, w1, w2 = w * j0, w * j1, w * j2
+            we, w0, w1, w2 = w * e, w * j0, w * j1, w * j2
+            sw, sv, svv = sw + w, sv + we, svv + we * e
             s0, s1, s2 = s0 + w0, s1 + w1, s2 + w2
             b0, b1, b2 = b0 + w0 * e, b1 + w1 * e, b2 + w2 * e
             a00, a01, a02, a11, a12, a22 = a00 + w0 * j0, a01 + w0 * j1, a02 + w0 * j2, a11 + w1 * j1, a12 + w1 * j2, a22 + w2 * j2
         if seen == 0:
             continue
         mean = sv / sw
-        drawn[i].brightness, drawn[i].weight = 1.0 + mean, sw
+        drawn[i].brightness, drawn[i].weight = one + mean, sw
         if seen < 2:
             continue
-        g0, g1, g2 = g0 + b0 - s0 * mean, g1 + b1 - s1 * mean, g2 + b2 - s2 * mean
-        h00, h01, h02 = h00 + a00 - s0 * s0 / sw, h01 + a01 - s0 * s1 / sw, h02 + a02 - s0 * s2 / sw
-        h11, h12, h22 = h11 + a11 - s1 * s1 / sw, h12 + a12 - s1 * s2 / sw, h22 + a22 - s2 * s2 / sw
+        g0, g1, g2 = g0 + (b0 - s0 * mean), g1 + (b1 - s1 * mean), g2 + (b2 - s2 * mean)
+        h00, h01, h02 = h00 + (a00 - s0 * s0 / sw), h01 + (a01 - s0 * s1 / sw), h02 + (a02 - s0 * s2 / sw)
+        h11, h12, h22 = h11 + (a11 - s1 * s1 / sw), h12 + (a12 - s1 * s2 / sw), h22 + (a22 - s2 * s2 / sw)
         error += svv - sv * mean
         total += sw
     h = np.array([[h00, h01, h02], [h01, h11, h12], [h02, h12, h22]])

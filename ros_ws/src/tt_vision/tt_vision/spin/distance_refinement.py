@@ -16,7 +16,7 @@ from ..motion_fit import BallMotion
 from .comparison import compare_all
 from .estimate import CORRELATED
 from .registration import Registration, SearchParams, register_again
-from .sphere_grid import fibonacci
+from .sphere_grid import fibonacci_single
 from .surface_map import SurfaceMap
 
 STEP = 0.01  # of the distance, between the three that are compared: a third of a pixel in the ball's radius
@@ -66,5 +66,5 @@ def _at(
     """Return the mean squared error of the marks with the ball at another distance, and the sum of their weights."""
     mapped = surface.moved_to(motion.at_distance(burst.cameras[0].position, factor), burst)
     spin = register_again(mapped, found, search).spin
-    compared = compare_all(spin, fibonacci(search.fine_points), mapped.images)
+    compared = compare_all(spin, fibonacci_single(search.fine_points), mapped.images)
     return compared.error, compared.weight

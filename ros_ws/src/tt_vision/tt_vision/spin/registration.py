@@ -25,7 +25,7 @@ from .coarse_search import COARSE_STEP, COARSE_TURN, DENSE_STEP, DENSE_TURN, Coa
 from .comparison import Comparison, compare_all, compare_pairs, refine_on_all, refine_on_pairs
 from .mark_sampling import first_samples
 from .soft_surface import SoftSurface
-from .sphere_grid import fibonacci
+from .sphere_grid import fibonacci, fibonacci_single
 from .surface_map import MarkImages, SurfaceMap
 from .wide_search import ScoredSpins, aliases, score_spins
 
@@ -168,14 +168,14 @@ def register_again(
         search: How many points are compared.
         least_step: rad/s, the last step; infinite for a single one.
     """
-    points = fibonacci(search.fine_points)
+    points = fibonacci_single(search.fine_points)
     spin, compared = refine_on_all(found.spin, points, surface.images, _most_step(surface.images, MOST_STEP), least_step)
     return replace(found, spin=spin, information=_information(compared, search.fine_points), marks=compared.marks)
 
 
 def register_residual(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
     """Return a registration with the residual that it has on a surface that is known better now."""
-    return replace(found, residual=_residual(surface, found.spin, _neighbours(surface.blurred.times), fibonacci(search.coarse_points)))
+    return replace(found, residual=_residual(surface, found.spin, _neighbours(surface.blurred.times), search.coarse_points))
 
 
 def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, most: int) -> ScoredSpins:
@@ -200,13 +200,13 @@ def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params:
 
 def _confirm(surface: SoftSurface, proposal: Proposal, pairs: np.ndarray, params: SearchParams) -> Registration:
     """Refine a proposal on all images, and tell which of its rivals the images do not rule out. pairs: (p, 2) frames for the residuals."""
-    images, points = surface.blurred, fibonacci(params.coarse_points)
+    images, points = surface.blurred, fibonacci_single(params.coarse_points)
     gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_STEP)
     spin = refine_on_all(proposal.spin, points, images, most, ROUGH_STEP)[0]
-    spin, compared = refine_on_all(spin, fibonacci(FIRST_POINTS), surface.images, most, ROUGH_STEP)
-    residual = _residual(surface, spin, pairs, points)
+    spin, compared = refine_on_all(spin, fibonacci_single(FIRST_POINTS), surface.images, most, ROUGH_STEP)
+    residual = _residual(surface, spin, pairs, params.coarse_points)
     rivals = [refine_on_all(rival, points, images, most, ROUGH_STEP)[0] for rival in proposal.rivals]
-    rivals = [rival for rival in rivals if _residual(surface, rival, pairs, points) * RIVAL_SHARE < residual]
+    rivals = [rival for rival in rivals if _residual(surface, rival, pairs, params.coarse_points) * RIVAL_SHARE < residual]
     alternatives = _apart([*rivals, *aliases(spin, gap, params.max_spin)], spin, SAME / gap)
     information = 0.25 * _information(compared, FIRST_POINTS)  # a quarter of the pixels
     return Registration(spin, information, residual, proposal.candidates, compared.marks, alternatives)
@@ -259,14 +259,14 @@ def _apart(spins: Sequence[Array], best: Array, distance: float) -> Array:
     return np.array(kept[1:]).reshape(-1, 3)
 
 
-def _residual(surface: SoftSurface, spin: Array, pairs: np.ndarray, points: Array) -> float:
-    """Return the residual of a spin, on the blurred marks."""
-    images = surface.blurred
+def _residual(surface: SoftSurface, spin: Array, pairs: np.ndarray, count: int) -> float:
+    """Return the residual of a spin, on the blurred marks at `count` points."""
+    images, points = surface.blurred, fibonacci(count)
     before = first_samples(points, pairs, images)
     pair = compare_pairs(spin, points, before, pairs, images, 0.0)
     if pair.weight <= LEAST_OVERLAP * float((before["weight"] ** 2).sum()):
         return 1.0
-    return max(pair.cost / (2.0 * pair.weight), compare_all(spin, points, images).error) / surface.blurred_contrast
+    return max(pair.cost / (2.0 * pair.weight), compare_all(spin, fibonacci_single(count), images).error) / surface.blurred_contrast
 
 
 def _neighbours(times: Array) -> np.ndarray:

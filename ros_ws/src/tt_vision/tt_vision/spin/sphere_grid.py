@@ -20,6 +20,12 @@ def fibonacci(n: int) -> Array:
 
 
 @functools.cache
+def fibonacci_single(n: int) -> np.ndarray:
+    """Return `fibonacci(n)` in single precision."""
+    return fibonacci(n).astype(np.float32)
+
+
+@functools.cache
 def cube(n: int, edge: int) -> np.ndarray:
     """Return the index of the nearest of fibonacci(n) for each texel on the faces of a cube, (6, edge, edge) int16.
 

@@ -13,7 +13,7 @@ from tt_core.constants import BALL_RADIUS
 from tt_core.states import Array
 
 from ..capture.burst import Burst
-from ..detection.illumination import LIMB, NORMAL, Illumination, shade
+from ..detection.illumination import LIMB, NORMAL, Illumination, camera_light, gloss_level, white_level
 from ..motion_fit import BallMotion
 from ..projection import Optics, project_point, ray
 
@@ -194,24 +194,32 @@ def divide_light(
         light: Of the images.
         top: Grey level of the brightest pixel.
     """
-    white, gloss = shade(normals, np.ascontiguousarray(views["centre"]), light)
-    return _divide(stack, normals, white, gloss, top)
+    return _divide(stack, normals, np.ascontiguousarray(views["centre"]), light, top)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _divide(stack: np.ndarray, normals: np.ndarray, white: np.ndarray, gloss: np.ndarray, top: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return brightness and weights of the surface, both (images, size, size) float32. white, gloss: from `shade`."""
+def _divide(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illumination, top: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same as `divide_light`. centres: (images, 3) m, the ball's centre in the camera's frame."""
     brightness, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
+    images, size, cameras = stack.shape[0], stack.shape[1], len(light.harmonics)
     low, high = MARK_RANGE
-    for m in range(len(stack)):
-        for j in range(stack.shape[1]):
-            for i in range(stack.shape[2]):
-                cosine, light = normals[m, j, i].cosine, white[m, j, i] / top
-                if cosine <= LEAST_COSINE or light < LEAST_LIGHT:
+    least, full = LEAST_LIGHT * top, 1.0 / (FULL_LIGHT * top)
+    for m in range(images):
+        of_camera, gain = camera_light(light, m * cameras // images), light.gains[m]
+        cx, cy, cz = centres[m]
+        for j in range(size):
+            for i in range(size):
+                n = normals[m, j, i]
+                if n.cosine <= LEAST_COSINE:
                     continue
-                brightness[m, j, i] = min(high, max(low, (stack[m, j, i] - gloss[m, j, i]) / white[m, j, i]))
-                seen = min(1.0, max(0.0, (cosine - LIMB) / (FULL_WEIGHT - LIMB)))
-                weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * cosine * cosine * min(1.0, (light / FULL_LIGHT) ** 2)
+                white = gain * white_level(n.x, n.y, n.z, cx, cy, cz, of_camera)
+                if white < least:
+                    continue
+                grey = stack[m, j, i] - gain * gloss_level(n.x, n.y, n.z, of_camera)
+                brightness[m, j, i] = min(high, max(low, grey / white))
+                if n.cosine > LIMB:
+                    seen, lit = min(1.0, (n.cosine - LIMB) / (FULL_WEIGHT - LIMB)), min(1.0, white * full)
+                    weights[m, j, i] = seen * seen * (3.0 - 2.0 * seen) * n.cosine * n.cosine * lit * lit
     return brightness, weights
 
 
