@@ -39,7 +39,7 @@ def test_a_measurement_goes_on_from_it(rendered):
 
 def test_three_frames_are_enough(rendered):
     burst = rendered.burst.only([0, 1, 2])
-    assert len(burst) < SEARCHED
+    assert len(burst) <= SEARCHED
     assert np.linalg.norm(first(burst).ball.spin - rendered.ball.spin) / RPM < 100.0
 
 

@@ -30,7 +30,7 @@ from .spin.registration import DEFAULT, Proposal, Registration, SearchParams, pr
 from .spin.soft_surface import SoftSurface, cut_out_halved, halved_views, soft_surface
 from .spin.surface_map import VIEW, divide_light, motion_views, pixel_normals, view_middles
 
-SEARCHED = 4  # frames on which the spin is searched before the burst is complete; with two, 8 % of the spins are wrong
+SEARCHED = 3  # frames on which the spin is searched before the burst is complete; what is found on them is confirmed on all
 BORDER = 4  # pixels around the ball that are cut out with it
 GROWTH = 1.1  # by which the ball may grow from the first frame to the last one before all frames are cut out anew
 MOST_SHIFT = 1.0  # pixels between the circle in one image and the motion of all, from which on the ball is cut out anew

@@ -167,7 +167,7 @@ def measure_burst(
     whole, left_out = whole_balls(detect_balls(burst), MOST_FRAMES)
     if len(whole) < LEAST_FRAMES:
         return Measurement(None, _few_frames(len(whole), len(burst), left_out), len(whole), left_out)
-    found = _estimate(whole, lamps, search, first if whole is burst else None)
+    found = _estimate(whole, lamps, search, first if len(whole) == len(burst) else None)
     if found.motion is None or found.spin is None or found.reason:
         reason = Failure(MeasurementReason.SWAPPED) if _is_swapped(whole, lamps, search) else found.reason
         return Measurement(None, reason, len(whole), left_out, found.motion, found.spin)
