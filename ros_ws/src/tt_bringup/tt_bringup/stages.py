@@ -24,9 +24,11 @@ from tt_core.ros.convert import (
 )
 from tt_core.ros.params import read_physics
 from tt_core.states import ReturnGoal
+from tt_predict.net_touch import rollout_past_net
 from tt_predict.predict_node import PredictParams
-from tt_predict.rollout import StopRule, rollout, thinned
-from tt_racket.goal import GoalParams, default_goal
+from tt_predict.rollout import StopRule, thinned
+from tt_racket.followed_ball import FollowedBall
+from tt_racket.goal import GoalParams
 from tt_racket.goal_relaxation import RelaxationParams
 from tt_racket.intercept import intercept
 from tt_racket.racket_node import RacketParams
@@ -109,7 +111,7 @@ class Predict:
 
     def take(self, _: str, message: Odometry) -> Output | None:
         """Take a message of one of `inputs`."""
-        path = rollout(ball_from_message(message), self.physics, self.stop)
+        path = rollout_past_net(ball_from_message(message), self.physics, self.stop).path
         return Output("ball/path", TRAJECTORY, path_to_message(thinned(path)))
 
 
@@ -124,6 +126,7 @@ class Racket:
         self.goal_params, self.relaxation = read(GoalParams, "goal."), read(RelaxationParams, "relaxation.")
         self.errors = read(StrikeErrorParams, "errors.")
         self.goal: ReturnGoal | None = None
+        self.ball = FollowedBall()
         self.inputs, self.refused = {"ball/path", "return/goal"}, Counter[str]()
 
     def take(self, topic: str, message: Any) -> Output | None:
@@ -132,8 +135,8 @@ class Racket:
             self.goal = goal_from_message(message)
             return None
         path = path_from_message(message)
-        goal = self.goal or default_goal(path.spins[0], self.goal_params)
-        found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors)
+        goal = self.ball.follow(path, self.goal_params, self.goal)
+        found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors, bounced=self.ball.bounced)
         rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
         if not rackets:
             self.refused[_code(found.reason)] += 1

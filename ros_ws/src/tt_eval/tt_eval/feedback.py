@@ -17,7 +17,8 @@ from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
 from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
 from tt_predict.learning import PhysicsLearner
-from tt_predict.rollout import StopRule, rollout
+from tt_predict.net_touch import rollout_past_net
+from tt_predict.rollout import StopRule
 from tt_predict.state_selection import StateSelection, StateSelectionParams
 from tt_racket.followed_ball import FollowedBall
 from tt_racket.intercept import Candidates, intercept
@@ -148,7 +149,7 @@ class Follower:
             return
         physics = self._tracker.physics
         try:
-            path = rollout(ball, physics, StopRule.at_x(end))
+            path = rollout_past_net(ball, physics, StopRule.at_x(end)).path
             goal = self._ball.follow(path, robot.default_goal, self._scenario.goal)
             candidates = self._strokes(path, goal, physics)
         except TtError:  # a first estimate may be no ball that can fly there

@@ -26,6 +26,7 @@ from tt_core.ros.qos import LATCHED, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import BallState
 
+from .net_touch import rollout_past_net
 from .rollout import StopRule, rollout, thinned
 from .state_selection import StateSelection, StateSelectionParams
 from .uncertainty import uncertainty
@@ -106,7 +107,7 @@ class PredictNode(Node):
             ball = ball_from_message(message)
             if ball.velocity[0] >= 0.0 or ball.position[0] <= self.params.until_x or not (first or self.states.takes(ball)):
                 return  # it flies away, is past, is nearly the last one, or hardly known
-            path = rollout(ball, self.physics, self.stop)
+            path, touch = rollout_past_net(ball, self.physics, self.stop)
             shown = thinned(path)
             self.path.publish(path_to_message(shown))
             if self.poses.get_subscription_count():
@@ -115,7 +116,7 @@ class PredictNode(Node):
             self.refused(error)
             return
         at_end = {} if first else self.at_end(ball)
-        self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, **at_end)
+        self.status.publish(Event.PATH, stamp=ball.time, bounces=len(path.bounces), ended=path.ended, net_touch=touch, **at_end)
         place = dict(zip("xyz", path.end.position, strict=True))
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
