@@ -1,8 +1,11 @@
 """A ball keeps its goal while it is followed, and strokes go on after its bounce."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tt_core.physics import Physics
+from tt_core.ros.convert import strokes_to_message
 from tt_core.states import BallPath, BallState, ReturnGoal
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.followed_ball import FollowedBall
@@ -83,3 +86,11 @@ def test_other_flight_times_come_after_the_strokes_as_asked():
     assert {one.parts for one in fallback} == {GoalPart.TIME, GoalPart.TIME | GoalPart.SPIN}
     for asked, stroke in zip(plain.strokes[:3], more.strokes[:3], strict=True):
         assert np.allclose(asked.racket.position, stroke.racket.position)
+
+
+def test_no_more_strokes_are_offered_than_a_message_holds():
+    path = path_from(0.0)
+    goal = FollowedBall().follow(path, GoalParams())
+    found = intercept(path, goal, PHYSICS, replace(InterceptParams.window("reachable"), spacing=0.003, fallback_time=-0.1))
+    assert len(found.strokes) == 64 == len(found.relaxed)
+    strokes_to_message([stroke.racket for stroke in found.strokes], path.times[0])

@@ -56,6 +56,7 @@ LONGEST_END = 1.0  # s, that these commands may take
 POINTS = 0.02  # s between the points of the published swing
 SWITCH = 5e-4  # s, after which the planning thread's Python code yields to the servo
 TELL = 0.2  # s, at least, between two reports of what stops the arm
+KEPT = {ArmStop.SWING_WILL_DO, ArmStop.SWING_COMMITTED}  # why newer strokes change nothing, as they should
 LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
@@ -272,8 +273,10 @@ class ArmNode(Node):
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
-            self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=first, chosen=-1, reasons=reasons)
-            self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
+            is_kept = selected.refused is not None and selected.refused.code in KEPT
+            self.status.publish(Event.NO_SWING, stamp=stamp, warn=not is_kept, reason=first, chosen=-1, reasons=reasons)
+            if not is_kept:
+                self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
             return
         self.status.publish(
             Event.SWING,

@@ -21,7 +21,8 @@ from .goal_relaxation import SHORTEST, GoalPart, Relaxation, RelaxationParams, R
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
 
-MOST_CANDIDATES = 64  # points of a path at which a stroke is solved: a usual ball has 30
+MOST_FALLBACK = 24  # strokes with another flight time: an arm tries ten of them, and corrects to their neighbours
+MOST_CANDIDATES = 64  # strokes that are offered, and points of a path at which a stroke is solved: a usual ball has 30
 EASIEST = 0.35  # of the window; where the PA10 could make most of the strokes of 18 balls that it could not return as asked
 _NEAR = HIT_WINDOWS["near"]
 
@@ -158,6 +159,7 @@ def intercept(
     returns = ordered(returns, physics, params, relaxation, errors)
     if params.fallback_time and balls:
         returns[params.as_asked : params.as_asked] = with_other_time(balls, goal, physics, params)
+        del returns[MOST_CANDIDATES:]
     return Candidates(tuple(one.stroke for one in returns), refused, tuple(one.relaxation for one in returns))
 
 
@@ -202,7 +204,9 @@ def with_other_time(balls: Sequence[BallState], goal: ReturnGoal, physics: Physi
             stroke = solve(balls[i], other, physics, racket_speed=params.racket_speed)
             if stroke.racket is not None:
                 found.append(Return(balls[i], other, stroke, Relaxation.between(goal, other, parts)))
-    return found
+        if len(found) >= MOST_FALLBACK:
+            break
+    return found[:MOST_FALLBACK]
 
 
 def relaxed(
