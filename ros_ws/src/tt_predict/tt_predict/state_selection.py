@@ -30,7 +30,7 @@ class StateSelectionParams:
         high=1e4,
     )
     patience: float = param(
-        0.08, "s", "time since the first state of a ball after which one is predicted although its spin is not known", low=0.0, high=10.0
+        0.12, "s", "time since the first state of a ball after which one is predicted although its spin is not known", low=0.0, high=10.0
     )
 
     def __post_init__(self) -> None:
