@@ -1,7 +1,6 @@
 """Pixels, a measured ball and joint states in, learnt coefficients out, which the other nodes take."""
 
 import numpy as np
-import pytest
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, JointState
@@ -64,10 +63,10 @@ def test_balls_in_are_coefficients_out(start, probe, until):
                 pixel = camera.project(place[None])[0] + rng.normal(0.0, 0.1, 2)
                 publisher.publish(pixel_to_message(first + since, pixel, f"{name}_optical"))
             probe.executor.spin_once(timeout_sec=0.003)
-            if abs(since) < 0.02:
-                for tick in (0.0, 0.003):
-                    tell(first + since + tick, np.array(MODEL.waiting) + (since + tick) * speeds, speeds)
-        tell(first + 1.5, np.array(MODEL.waiting), np.zeros(7))
+            for tick in (0.0, 0.003) if abs(since) < 0.02 else (0.0,):
+                tell(first + since + tick, np.array(MODEL.waiting) + (since + tick) * speeds, speeds)
+        for since in (1.5, 2.0):
+            tell(first + since, np.array(MODEL.waiting), np.zeros(7))
 
     def tell(time, q, qdot):
         message = JointState(name=list(MODEL.names), position=q.tolist(), velocity=qdot.tolist())
@@ -87,5 +86,6 @@ def test_balls_in_are_coefficients_out(start, probe, until):
     ball = BallState(500.0, [2.6, 0.76, 0.3], [-6.2, 0.1, 1.0], [20, -360, 30])
     states.publish(ball_to_message(ball))
     until(lambda: paths, probe)
-    wanted = rollout(ball, learnt, StopRule.at_x(PATH_END_X)).end.vector
-    assert path_from_message(paths[0]).end.vector == pytest.approx(wanted, abs=1e-6)  # a stamp holds whole nanoseconds
+    ends = [rollout(ball, physics_from_text(one.data, "predict", PHYSICS), StopRule.at_x(PATH_END_X)).end.vector for one in got]
+    off = [np.abs(path_from_message(paths[0]).end.vector - end).max() for end in ends]  # one of the last may have come after the state
+    assert min(off) < 1e-6  # a stamp holds whole nanoseconds

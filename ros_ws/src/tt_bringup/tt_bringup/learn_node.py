@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,8 +26,9 @@ from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
-from tt_core.ros.qos import LATCHED, NEWEST, RELIABLE, SENSOR
+from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.ros.refusals import Refusals
+from tt_core.states import Array, BallState
 from tt_eval.contact_watch import is_near, racket_of, time_to_contact
 from tt_eval.lesson import RETURN_SEEN, Lesson
 from tt_predict.learning import LearningParams, PhysicsLearner
@@ -38,6 +40,8 @@ from tt_vision.warm import warm_tracker
 
 NICE = 5  # priority of the process: the ball on its way comes first
 LARGEST_PIXEL, LARGEST_INFO, LARGEST_STATE, LARGEST_JOINTS = 1024, 4096, 4096, 1 << 16  # bytes
+LAG = 0.15  # s, by which joint states and pixels are looked at later: on a busy machine pixels come 0.1 s late, and learning has time
+MOST_WAITING = 1000  # pixels, 3 s of both cameras, and joint states, 2 s
 SILENCE = 0.3  # s without a pixel, after which a ball is over
 
 
@@ -72,6 +76,10 @@ class LearnNode(Node):
         self.poses = [declare(self, CameraPose.of(c), f"{name}.") for name, c in zip(WIDE_SIDES, self.cameras, strict=True)]
         self.infos: list[CameraInfo | None] = [None, None]
         self.lesson: Lesson | None = None
+        self.measured: BallState | None = None  # a measured ball that is still to be taken
+        self.ball: BallState | None = None  # the newest state of the ball before the racket
+        self.waiting = deque[tuple[float, int, Array]](maxlen=MOST_WAITING)  # pixels that no joint state has passed yet
+        self.joints = deque[Joints](maxlen=MOST_WAITING)  # joint states, LAG of them
         self.newest = -np.inf  # s, stamp of the newest pixel
         warm_tracker(self.cameras)
         self.status = Status(self)
@@ -85,7 +93,7 @@ class LearnNode(Node):
             inputs.append(Input(self, PointStamped, pixel, on_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self.refused["pixel"]))
         ball, joints = self.refused["measured ball"], self.refused["joint state"]
         inputs.append(Input(self, Odometry, "ball/measured", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=ball))
-        inputs.append(Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=joints))
+        inputs.append(Input(self, JointState, "joint_states", self.on_joints, SENSOR, largest=LARGEST_JOINTS, refused=joints))
         self.status.wait_for(inputs)
 
     def on_info(self, side: int, message: CameraInfo) -> None:
@@ -104,11 +112,9 @@ class LearnNode(Node):
         self.lesson = None
 
     def on_ball(self, message: Odometry) -> None:
-        """Begin with a measured ball."""
+        """Take a measured ball; it counts once the pixels before it have been looked at."""
         try:
-            ball = ball_from_message(message)
-            lesson = self.lesson_at(ball.time)
-            lesson.start(ball)
+            self.measured = ball_from_message(message)
         except TtError as error:
             self.refused["measured ball"](error)
 
@@ -118,33 +124,62 @@ class LearnNode(Node):
             return
         try:
             stamp, pixel = pixel_from_message(message)
-            self.lesson_at(stamp).add_pixel(stamp, side, pixel)
         except TtError as error:
             self.refused["pixel"](error)
             return
-        self.newest = max(self.newest, stamp) if abs(stamp - self.newest) < SILENCE else stamp
+        self.waiting.append((stamp, side, pixel))
 
     def on_joints(self, message: JointState) -> None:
-        """See whether the racket meets the ball, and whether the ball is over."""
+        """Take a joint state, and look at those that are LAG old: the pixels of their time have come by now."""
         try:
             state = joints_from_message(message, self.model.names)
-            if state is None or state[2] is None or self.lesson is None:
+            if state is None or state[2] is None:
                 return
-            joints = Joints(state[0], state[1], state[2])
-            if joints.time > min(self.newest + SILENCE, self.lesson.struck + RETURN_SEEN + SILENCE):
-                self.finish()
-            elif self.lesson.struck == np.inf:
-                self.look_for_contact(self.lesson, joints)
+            self.joints.append(Joints(state[0], state[1], state[2]))
+            while self.joints and not 0.0 <= self.joints[-1].time - self.joints[0].time < LAG:
+                self.look(self.joints.popleft())
         except TtError as error:
             self.refused["joint state"](error)
 
+    def look(self, joints: Joints) -> None:
+        """See whether the racket meets the ball, then take the pixels up to here, and see whether the ball is over.
+
+        The tracker must not see the return before the contact is known.
+        """
+        if self.lesson is not None and self.lesson.struck == np.inf:
+            self.look_for_contact(self.lesson, joints)
+        self.take_pixels(joints.time)
+        lesson = self.lesson
+        if lesson is not None and joints.time > min(self.newest + SILENCE, lesson.struck + RETURN_SEEN + SILENCE):
+            self.finish()
+
+    def take_pixels(self, until: float) -> None:
+        """Give the lesson the pixels up to a time (s)."""
+        news = False
+        while self.waiting and self.waiting[0][0] <= until:
+            stamp, side, pixel = self.waiting.popleft()
+            if self.measured is not None and stamp >= self.measured.time:
+                self.begin(self.measured)
+            goes_on = abs(stamp - self.newest) < SILENCE
+            if self.lesson is not None or not goes_on:  # of a ball that is over nothing more is learnt
+                news = self.lesson_at(stamp).add_pixel(stamp, side, pixel) or news
+            self.newest = max(self.newest, stamp) if goes_on else stamp
+        if news and self.lesson is not None:
+            self.ball = self.lesson.tracker.state()
+
+    def begin(self, ball: BallState) -> None:
+        """Begin, or go on, with a measured ball."""
+        self.measured = None
+        if self.lesson is not None and self.lesson.struck < ball.time:  # it comes before the last one is over
+            self.finish()
+        self.lesson_at(ball.time).start(ball)
+
     def look_for_contact(self, lesson: Lesson, joints: Joints) -> None:
         """Tell the lesson of the contact at the first joint state after it."""
-        last = lesson.tracker.state()
-        if last is None:
+        if self.ball is None:
             return
         met = racket_of(self.model, joints)
-        if not is_near(met.racket, last):
+        if not is_near(met.racket, self.ball):
             return
         ball = lesson.tracker.state(joints.time)
         if ball is not None and time_to_contact(met.racket, ball) <= 0.0:
@@ -152,10 +187,10 @@ class LearnNode(Node):
 
     def lesson_at(self, stamp: float) -> Lesson:
         """Return the lesson of the ball that is seen at a stamp (s); begin another one after a struck ball or a pause."""
-        if self.lesson is not None and (stamp > self.lesson.struck + RETURN_SEEN or abs(stamp - self.newest) > SILENCE):
+        if self.lesson is not None and abs(stamp - self.newest) > SILENCE:
             self.finish()
         if self.lesson is None:
-            self.lesson = Lesson(self.learner, self.cameras, self.tracking)
+            self.lesson, self.ball = Lesson(self.learner, self.cameras, self.tracking), None
             self.newest = stamp
         return self.lesson
 
