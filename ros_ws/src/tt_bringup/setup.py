@@ -25,6 +25,7 @@ setup(
             [
                 "scripts/compare",
                 "scripts/learn_node",
+                "scripts/locate",
                 "scripts/marker_node",
                 "scripts/report",
                 "scripts/reprocess",
