@@ -43,8 +43,10 @@ def test_it_makes_what_the_nodes_made(twice):
     for topic in MADE["vision"]:
         assert found[topic].counts == (1, 1) and found[topic].paired == 1
     bounds = {"m": 0.02, "m/s": 0.04, "rad/s": 3.15, "s": 0.001}  # as tests/replay: another version of the functions made the recording
-    for topic in ("/ball/measured", "/racket/strokes"):  # that version ended paths earlier
-        assert all(value < bounds[unit] for (_, unit), value in found[topic].largest.items() if unit)
+    # two neighbouring candidates that are nearly as good may change places: the ball meets them 12 ms and 0.06 m apart
+    strokes = {"m": 0.07, "m/s": 0.15, "s": 0.013}
+    for topic, bound in (("/ball/measured", bounds), ("/racket/strokes", strokes)):  # that version ended paths earlier
+        assert all(value < bound[unit] for (_, unit), value in found[topic].largest.items() if unit)
     others = set(found) - set(MADE["vision"])
     assert all(found[topic].is_equal for topic in others), "what is not made anew is copied"
 

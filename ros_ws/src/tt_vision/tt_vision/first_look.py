@@ -47,12 +47,14 @@ class FirstEstimate:
         motion: Position and velocity, if it came so far.
         found: The spin, if it came so far; it need not be believed.
         light: What lights the ball, if it came so far.
+        surface: The marks of all frames at half the resolution, if it came so far.
         reason: Why there is no spin, or None.
     """
 
     motion: BallMotion | None
     found: Registration | None
     light: Illumination | None
+    surface: SoftSurface | None
     reason: Failure | None
 
 
@@ -152,7 +154,7 @@ class FirstLook:
         if isinstance(motion, Failure) or motion.residual > VAGUE_OUTLINE:
             motion = fit_motion(burst)
         if isinstance(motion, Failure):
-            return FirstEstimate(None, None, None, motion)
+            return FirstEstimate(None, None, None, None, motion)
         views = motion_views(motion, burst)
         if np.abs(view_middles(views) - circles[..., :2].reshape(-1, 2)).max() > MOST_SHIFT:
             self._cut_out_again(views)
@@ -161,8 +163,8 @@ class FirstLook:
         surface = self._surface().seen_from(views)
         light = self._whole_light()
         if surface.contrast < LEAST_CONTRAST:
-            return FirstEstimate(motion, None, light, Failure(SpinReason.NO_MARKS))
-        return FirstEstimate(motion, register(surface, self._search, self._proposal), light, None)
+            return FirstEstimate(motion, None, light, surface, Failure(SpinReason.NO_MARKS))
+        return FirstEstimate(motion, register(surface, self._search, self._proposal), light, surface, None)
 
     def _fits(self, frame: _Frame) -> bool:
         """Return whether the ball fits into what is cut out; if not, more is cut out from now on."""

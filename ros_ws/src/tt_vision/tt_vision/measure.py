@@ -2,7 +2,7 @@
 
 The stages are a line, each a function from one object to the next, and all are called here:
 
-    Burst -> detect_balls, whole_balls -> FirstLook -> map_surface -> register_again -> relight, limb_outlines, refit_motion
+    Burst -> detect_balls, whole_balls -> FirstLook -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
     -> refine_distance (of a single camera) -> estimate_from
 
 `FirstLook` gives the first estimate, at half the resolution; the stages after it work at the full one.
@@ -10,7 +10,6 @@ The stages are a line, each a function from one object to the next, and all are 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -31,10 +30,18 @@ from .spin.dissertation import method_1, method_2
 from .spin.distance_refinement import refine_distance
 from .spin.estimate import SpinEstimate, SpinReason, estimate_from
 from .spin.limb_refinement import limb_outlines
-from .spin.registration import DEFAULT, LEAST_STEP, ROUGH_STEP, Registration, SearchParams, register_again, register_residual
+from .spin.registration import (
+    DEFAULT,
+    ROUGH_STEP,
+    Registration,
+    SearchParams,
+    register_again,
+    register_marks,
+    register_residual,
+)
 from .spin.relighting import relight
 from .spin.soft_surface import softened
-from .spin.surface_map import SurfaceMap, map_surface
+from .spin.surface_map import SurfaceMap, cut_surface
 
 AIR = Aerodynamics.measured()
 HOPELESS = 0.2  # residual beyond which refined outlines do not help; a ball half in the dark, 1.6 mm out of place, has 0.12
@@ -235,39 +242,41 @@ def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams,
 
 def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate:
     """Refine a first estimate; the motion is known better with it, because outlines are found again with the marks known."""
-    motion, found, light = first.motion, first.found, first.light
-    if motion is None or found is None or light is None:
+    motion, found, light, soft = first.motion, first.found, first.light, first.surface
+    if motion is None or found is None or light is None or soft is None:
         reason: Failure = first.reason  # type: ignore[assignment]
         return _Estimate(motion, None if motion is None else SpinEstimate.refused(reason), reason)
-    surface = map_surface(burst, motion, light)
+    surface, cameras = cut_surface(burst, motion, light), len(burst.cameras)
+    shown = 4.0 * soft.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64)  # pixels of the full resolution
     if search.second_look and not found.agrees and found.residual < HOPELESS:
-        refined = _refine(burst, motion, surface, found, search)
+        refined = _refine(burst, motion, surface, register_marks(soft, found, search), shown, search)
         if not isinstance(refined, Failure):
             motion, surface, found = refined
             found = register_residual(softened(surface), found, search)
+    elif search.second_look and found.is_believed:
+        found = register_marks(soft, found, search)
     if not found.is_believed:
         spin = SpinEstimate.not_believed(found)
         return _Estimate(motion, spin, spin.reason)
-    found = register_again(surface, found, search, ROUGH_STEP if search.second_look else LEAST_STEP)
     if search.second_look:
-        refined = _refine(burst, motion, surface, found, search)
+        refined = _refine(burst, motion, surface, found, shown, search)
         if isinstance(refined, Failure):
             return _Estimate(motion, None, refined)
         motion, surface, found = refined
-        if len(burst.cameras) == 1:
+        if cameras == 1:
             motion, surface, found = refine_distance(burst, motion, surface, found, search)
-    calibrated = light.is_calibrated
-    spin = estimate_from(found, cameras=len(burst.cameras), is_refined=search.second_look, is_light_calibrated=calibrated)
+    else:
+        found = register_again(surface.lit_by(light), found, search)
+    spin = estimate_from(found, cameras=cameras, is_refined=search.second_look, is_light_calibrated=light.is_calibrated)
     return _Estimate(motion, spin, None)
 
 
 def _refine(
-    burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, search: SearchParams
+    burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, shown: Array, search: SearchParams
 ) -> tuple[BallMotion, SurfaceMap, Registration] | Failure:
-    """Fit light, outlines, motion and spin again with the marks of a registration."""
-    relit = relight(surface, found, len(burst.cameras))
-    if relit is not surface:
-        found = register_again(relit, found, search, math.inf)
+    """Fit light, outlines, motion and spin again with the marks of a registration. shown: See `relight`."""
+    relit = relight(surface, found, shown)
+    found = register_again(relit, found, search, ROUGH_STEP)
     points = limb_outlines(burst, relit, found)
     refitted = refit_motion(motion, points, burst, relit.illumination.is_calibrated)
     if isinstance(refitted, Failure):

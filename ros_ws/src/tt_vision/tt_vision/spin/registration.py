@@ -173,6 +173,11 @@ def register_again(
     return replace(found, spin=spin, information=_information(compared, search.fine_points), marks=compared.marks)
 
 
+def register_marks(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
+    """Return a registration with the marks at as many points as the refinement on the full resolution compares."""
+    return replace(found, marks=compare_all(found.spin, fibonacci_single(search.fine_points), surface.images).marks)
+
+
 def register_residual(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
     """Return a registration with the residual that it has on a surface that is known better now."""
     return replace(found, residual=_residual(surface, found.spin, _neighbours(surface.blurred.times), search.coarse_points))

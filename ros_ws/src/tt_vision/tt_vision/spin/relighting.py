@@ -16,25 +16,25 @@ LEAST_MARK_WEIGHT = 0.3  # of 1 for a pixel seen straight on, on which a mark mu
 LEAST_KEPT = 0.8  # of what a camera shows, that it must show under the new light: 0.94 and more is usual, 0 with marks of another ball
 
 
-def relight(surface: SurfaceMap, found: Registration, cameras: int) -> SurfaceMap:
+def relight(surface: SurfaceMap, found: Registration, shown: Array) -> SurfaceMap:
     """Return the surface under light that is fitted with the marks of a registration.
 
-    It is the same surface if the lamps are calibrated, or if a camera would show much less of the ball under the new light.
+    The light stays the same if the lamps are calibrated, or if a camera would show much less of the ball under the new light.
 
     Args:
-        surface: The marks so far.
+        surface: The ball under the light so far.
         found: The registration.
-        cameras: Number of cameras.
+        shown: (cameras,) pixels, weighted, of the ball that each camera shows well enough under the light so far.
     """
     if surface.illumination.is_calibrated:
-        return surface
+        return surface.lit_by(surface.illumination)
     albedo = _albedo(surface.normals, ball_marks(surface, found))
     relit = surface.lit_by(refit_illumination(surface.illumination, surface.stack, surface.normals, albedo))
-    is_kept = _shown(relit, cameras) > LEAST_KEPT * _shown(surface, cameras)
-    return relit if is_kept.all() else surface
+    is_kept = shown_by(relit, len(shown)) > LEAST_KEPT * shown
+    return relit if is_kept.all() else surface.lit_by(surface.illumination)
 
 
-def _shown(surface: SurfaceMap, cameras: int) -> Array:
+def shown_by(surface: SurfaceMap, cameras: int) -> Array:
     """Return how much of the ball each camera shows well enough, (cameras,) pixels, weighted."""
     return np.asarray(surface.images.marks["weight"].reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 

@@ -67,7 +67,7 @@ class SurfaceMap:
     """The ball's surface in every image of a burst, the light divided out.
 
     Attributes:
-        images: The marks.
+        images: The marks; of size 0 before the light is divided out.
         stack: (images, n, n) float32 grey levels over the background, from which the marks come.
         normals: (images, n, n) NORMAL.
         illumination: The light that is divided out.
@@ -94,6 +94,17 @@ def map_surface(burst: Burst, motion: BallMotion, light: Illumination) -> Surfac
     """Cut the ball out of every image of a burst, and divide the light out.
 
     Args:
+        burst: See `cut_surface`.
+        motion: See `cut_surface`.
+        light: See `cut_surface`.
+    """
+    return cut_surface(burst, motion, light).lit_by(light)
+
+
+def cut_surface(burst: Burst, motion: BallMotion, light: Illumination) -> SurfaceMap:
+    """Cut the ball out of every image of a burst; the light is still to be divided out.
+
+    Args:
         burst: A burst with cameras and detections.
         motion: Where the ball is.
         light: What lights it.
@@ -108,9 +119,8 @@ def map_surface(burst: Burst, motion: BallMotion, light: Illumination) -> Surfac
         c, k = divmod(m, len(burst))
         cut_out(burst.images[c][k], u, v, burst.detections[c][k].background, stack[m])
     normals = pixel_normals(size, views)
-    marks = with_slopes(*divide_light(stack, normals, views, light, float(stack.max())))
     frame_of = np.arange(len(views)) % len(burst)
-    return SurfaceMap(MarkImages(marks, views, frame_of, burst.from_middle), stack, normals, light)
+    return SurfaceMap(MarkImages(np.empty((len(views), 0, 0), dtype=MARK), views, frame_of, burst.from_middle), stack, normals, light)
 
 
 def motion_views(motion: BallMotion, burst: Burst) -> np.ndarray:
