@@ -11,7 +11,7 @@ from tt_vision.detection.illumination import GLOSS, LAMP, Illumination, polynomi
 from tt_vision.first_look import look_at
 from tt_vision.measure import measure
 from tt_vision.spin.registration import SearchParams
-from tt_vision.spin.surface_map import map_surface
+from tt_vision.spin.surface_map import cut_surface
 
 ONCE = SearchParams(second_look=False)
 
@@ -29,7 +29,7 @@ def shade(normals, light):
 
 def seen(shot, lamps=None):
     first = look_at(shot.burst, lamps=lamps).estimate(shot.burst)
-    return first.motion, map_surface(shot.burst, first.motion, first.light)
+    return first.motion, cut_surface(shot.burst, first.motion, first.light).lit_by(first.light)
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin import SearchParams, SpinReason, estimate_spin
 from tt_vision.spin.comparison import compare_all
 from tt_vision.spin.registration import GATE
-from tt_vision.spin.surface_map import map_surface
+from tt_vision.spin.surface_map import cut_surface
 from tt_vision.spin.wide_search import aliases
 
 vectors = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
@@ -190,7 +190,7 @@ def test_too_fast_to_tell_is_refused(film):
 def test_the_step_of_the_refinement_leads_to_the_spin(rendered):
     """From 20 rpm away in any direction one Gauss-Newton step comes most of the way; the other points on the ball move it by 4."""
     first = look_at(rendered.burst).estimate(rendered.burst)
-    surface = map_surface(rendered.burst, first.motion, first.light)
+    surface = cut_surface(rendered.burst, first.motion, first.light).lit_by(first.light)
     best = estimate_spin(rendered.frames, rendered.times, rendered.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0].astype(np.float32)
     for start in best + 20.0 * RPM * np.vstack([np.eye(3), -np.eye(3)]):

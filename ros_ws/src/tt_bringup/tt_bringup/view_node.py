@@ -46,7 +46,7 @@ SIDES = ("left", "right")
 PANELS = 6  # updates of the scene for each update of the panels
 IMAGES = 0.01  # s between two images that are read of each camera
 LARGEST_IMAGE, LARGEST_STATE, LARGEST_DIAGNOSTICS = 2**26, 4096, 2**18  # bytes of a message
-STAGES = (Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # whose latency is shown
+STAGES = (Event.FIRST_ESTIMATE, Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # whose latency is shown
 
 
 @dataclass(frozen=True)

@@ -257,13 +257,14 @@ def _last(values: Sequence[T]) -> T | None:
 
 
 def _latencies(statuses: Sequence[ReceivedStatus], measured: BallState | None) -> dict[Event, float]:
-    """Return the latency, ms, of the first result of each stage for the burst that was measured."""
+    """Return the latency, ms, of the first result of each stage for the burst that was measured; measuring ends with the first estimate."""
     found: dict[Event, float] = {}
     for status in statuses:
-        if status.event not in STAGES or "latency_ms" not in status.values or status.event in found:
+        event = Event.MEASURED if status.event is Event.FIRST_ESTIMATE else status.event
+        if event not in STAGES or "latency_ms" not in status.values or event in found:
             continue
         if measured is None or abs(float(status.values.get("stamp", measured.time)) - measured.time) < SAME:
-            found[status.event] = float(status.values["latency_ms"])
+            found[event] = float(status.values["latency_ms"])
     return found
 
 

@@ -64,7 +64,7 @@ class SearchParams:
 
     @classmethod
     def fast(cls) -> SearchParams:
-        """Return parameters with which a measurement takes half of the time."""
+        """Return parameters with which a measurement takes two thirds of the time."""
         return cls(pairs=3, kept=2, coarse_points=400, fine_points=800, second_look=False)
 
     def __post_init__(self) -> None:

@@ -30,11 +30,11 @@ def relight(surface: SurfaceMap, found: Registration, shown: Array) -> SurfaceMa
         return surface.lit_by(surface.illumination)
     albedo = _albedo(surface.normals, ball_marks(surface, found))
     relit = surface.lit_by(refit_illumination(surface.illumination, surface.stack, surface.normals, albedo))
-    is_kept = shown_by(relit, len(shown)) > LEAST_KEPT * shown
+    is_kept = _shown(relit, len(shown)) > LEAST_KEPT * shown
     return relit if is_kept.all() else surface.lit_by(surface.illumination)
 
 
-def shown_by(surface: SurfaceMap, cameras: int) -> Array:
+def _shown(surface: SurfaceMap, cameras: int) -> Array:
     """Return how much of the ball each camera shows well enough, (cameras,) pixels, weighted."""
     return np.asarray(surface.images.marks["weight"].reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 

@@ -90,17 +90,6 @@ class SurfaceMap:
         return replace(self, images=self.images._replace(views=views))
 
 
-def map_surface(burst: Burst, motion: BallMotion, light: Illumination) -> SurfaceMap:
-    """Cut the ball out of every image of a burst, and divide the light out.
-
-    Args:
-        burst: See `cut_surface`.
-        motion: See `cut_surface`.
-        light: See `cut_surface`.
-    """
-    return cut_surface(burst, motion, light).lit_by(light)
-
-
 def cut_surface(burst: Burst, motion: BallMotion, light: Illumination) -> SurfaceMap:
     """Cut the ball out of every image of a burst; the light is still to be divided out.
 
