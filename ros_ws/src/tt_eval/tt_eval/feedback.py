@@ -85,7 +85,7 @@ class Follower:
         self._ball = FollowedBall()
         self._inbox, self._order = list[tuple[float, int, BallState | TrackedPixel]](), count()
         self._answer: Answer | None = None
-        self._selection = StateSelection(StateSelectionParams(interval=scenario.robot.interval))
+        self._selection = StateSelection(StateSelectionParams(interval=scenario.robot.interval, patience=scenario.robot.patience))
         self._newest = self._predicted = -np.inf  # s: stamp of the newest pixel, and time of the last state that was predicted
         self._struck = False
         self.answers = list[Answer]()

@@ -40,6 +40,8 @@ class Robot:
         feedback: Whether the wide cameras follow the ball, and strokes and swing follow them until shortly before the strike.
         reaction: s, from the pixels of a pair of wide frames to the strokes at the arm.
         interval: s, least time between two states of the ball that strokes follow.
+        patience: s, after the first state of a ball, for which a measured one is waited for; shorter than the node's, because here it is
+            never late.
         learning: Whether flights and returns change what the robot believes of air, table and rubber for the next balls of a session;
             takes feedback.
         margin: Share of the joint speeds that a new posture keeps for corrections.
@@ -55,6 +57,7 @@ class Robot:
     feedback: bool = False
     reaction: float = 0.01
     interval: float = 0.03
+    patience: float = 0.08
     learning: bool = False
     margin: float = 0.0
     intercept: InterceptParams | None = None
@@ -65,6 +68,7 @@ class Robot:
         check_range("latency", self.latency, 0.0, 2.0)
         check_range("reaction", self.reaction, 0.0, 2.0)
         check_range("interval", self.interval, 0.0, 1.0)
+        check_range("patience", self.patience, 0.0, 10.0)
         check_range("margin", self.margin, 0.0, 0.9)
         if self.learning and not self.feedback:
             raise TtError("learning = true takes feedback = true")
