@@ -35,7 +35,11 @@ setup(
         ),
         ("share/tt_bringup/launch", files("launch")),
         ("share/tt_bringup/config", files("config")),
-        *((f"share/tt_bringup/{folder}", files(folder)) for folder in ("config/pa10", "config/pa10_left", "config/frame5")),
+        *(
+            (f"share/tt_bringup/config/{arm.name}", files(f"config/{arm.name}"))
+            for arm in sorted((here / "config").iterdir())
+            if arm.is_dir()
+        ),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
