@@ -113,7 +113,8 @@ def test_a_replay_gives_what_was_recorded(rally, tmp_path):
     done = run([*launch, "record:=true", f"output:={again}"], tmp_path, 200)
     assert done.returncode == 0, done.stdout + done.stderr
     for topic, from_message in RESULTS.items():
-        first, second = ([from_message(m) for m in messages(b, topic)] for b in (bag, again))
+        # the last one of each burst: the robot predicts the first estimate, too, which a replay does not
+        first, second = ([from_message(m) for m in {str(m.header.stamp): m for m in messages(b, topic)}.values()] for b in (bag, again))
         assert len(first) == len(second) == BALLS, topic
         for one, other in zip(first, second, strict=True):
             assert numbers(one) == pytest.approx(numbers(other), abs=1e-9)

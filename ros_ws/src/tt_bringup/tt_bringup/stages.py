@@ -54,7 +54,7 @@ class Output(NamedTuple):
 
 
 class Vision:
-    """As estimate_node: images and camera_info to ball/measured."""
+    """As estimate_node: images and camera_info to ball/measured; first estimates, ball/first, are not made."""
 
     def __init__(self, values: Values) -> None:
         """Read the parameters of the node. Raises TtError for a value that it would refuse."""
