@@ -33,9 +33,11 @@ from rich.console import Console
 from rich.table import Table
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import TimeReference
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from tt_arm.model import ArmModel
 from tt_bringup.demo import free_domain
+from tt_core.learnt_physics import physics_to_text
+from tt_core.physics import Physics
 from tt_core.ros.convert import (
     ball_to_message,
     camera_to_message,
@@ -77,7 +79,9 @@ def good_messages() -> dict[str, tuple[Any, str | None]]:
     ping.header.stamp, pong.header.stamp, pong.header.frame_id = stamp(now), stamp(now), "estimate"
     return {
         **found,
+        "/ball/first": (ball_to_message(ball), "estimate"),
         "/ball/measured": (ball_to_message(ball), "estimate"),
+        "/physics": (String(data=physics_to_text(Physics.liu(), "liu")), None),
         "/ball/path": (path_to_message(path), "predict"),
         "/return/goal": (goal_to_message(ReturnGoal([2.0, 0.76], 0.5, 0.0, 0.0), now), None),
         "/racket/strokes": (strokes_to_message([racket], now), "racket"),
