@@ -1,4 +1,4 @@
-"""Factors scale what they name, leave the rest, and never give energy to the ball."""
+"""A factor changes the coefficients that it names and no other ones, and no surface gives energy to the ball."""
 
 from dataclasses import replace
 

@@ -10,22 +10,30 @@ from .arrays import Array
 from .physics import Physics
 
 FACTORS = ("drag", "lift", "restitution", "friction", "grip", "rubber_restitution", "rubber_grip")
-OF_BALL = 5  # the first ones, which a flight with a bounce on the table shows; the others need the racket
+OF_BALL = 5  # the first so many of FACTORS: a flight with a bounce on the table shows them; the others need a contact with the racket
 MOST_TANGENTIAL = 0.79  # above 0.8 a shell would come back from the rubber faster than it slipped
 FARTHEST = math.log(2.0)  # of the logarithms: no ball has twice the drag of another one
 MOST_OF_TABLE = 2.0  # friction and grip, upper ends of their ranges
 
 
 def scaled(physics: Physics, logarithms: Sequence[float] | Array) -> Physics:
-    """Return the models with factors on their coefficients, cut at a half and at twice, and where a surface would give energy to the ball.
+    """Return the models with factors on their coefficients, cut as by `multiplied`.
 
     Args:
         physics: The models.
-        logarithms: Of the factors, in the order of FACTORS; those at the end may be missing.
+        logarithms: Of the factors, in the order of FACTORS, cut at a half and at twice; those at the end may be missing.
     """
-    drag, lift, restitution, friction, grip, bounce, rubber = (
-        math.exp(min(FARTHEST, max(-FARTHEST, float(value)))) for value in (*logarithms, *(len(FACTORS) - len(logarithms)) * (0.0,))
-    )
+    return multiplied(physics, [math.exp(min(FARTHEST, max(-FARTHEST, float(value)))) for value in logarithms])
+
+
+def multiplied(physics: Physics, factors: Sequence[float]) -> Physics:
+    """Return the models with factors on their coefficients, cut where a surface would give energy to the ball.
+
+    Args:
+        physics: The models.
+        factors: In the order of FACTORS; those at the end may be missing.
+    """
+    drag, lift, restitution, friction, grip, bounce, rubber = (*factors, *(len(FACTORS) - len(factors)) * (1.0,))
     air, table, racket = physics.air, physics.table, physics.racket
     bounce = min(bounce, 1.0 / racket.restitution)
     rubber = min(rubber, MOST_TANGENTIAL / racket.tangential)

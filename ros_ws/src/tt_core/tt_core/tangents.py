@@ -58,21 +58,26 @@ def scratch() -> Scratch:
 
 
 @njit(cache=True)
+def air_with_factors(air: AirCoefficients, drag: float, lift: float) -> AirCoefficients:
+    """Return the coefficients of the air with factors on its drag and its lift."""
+    return AirCoefficients(
+        air.gravity,
+        air.drag * drag,
+        air.drag_h * drag,
+        air.lift * lift,
+        air.lift_h * lift,
+        air.lift_ratio * lift,
+        air.ratio_offset,
+        air.spin_decay,
+    )
+
+
+@njit(cache=True)
 def with_factors(physics: PhysicsCoefficients, parameters: Array) -> PhysicsCoefficients:
     """Return the coefficients times the factors whose logarithms are in parameters (PARAMETERS,)."""
-    air, table = physics.air, physics.table
-    drag, lift = math.exp(parameters[DRAG]), math.exp(parameters[LIFT])
+    table = physics.table
     return PhysicsCoefficients(
-        AirCoefficients(
-            air.gravity,
-            air.drag * drag,
-            air.drag_h * drag,
-            air.lift * lift,
-            air.lift_h * lift,
-            air.lift_ratio * lift,
-            air.ratio_offset,
-            air.spin_decay,
-        ),
+        air_with_factors(physics.air, math.exp(parameters[DRAG]), math.exp(parameters[LIFT])),
         TableCoefficients(
             table.restitution * math.exp(parameters[RESTITUTION]),
             table.friction * math.exp(parameters[FRICTION]),

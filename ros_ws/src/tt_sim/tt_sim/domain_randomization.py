@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from tt_core.factors import FACTORS, multiplied
 from tt_core.params import check, param
 from tt_core.physics import Physics
 
@@ -36,7 +37,7 @@ class DomainRandomization:
     def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
         """Draw the physics of one session or ball.
 
-        Coefficients are cut where a surface would give energy to the ball.
+        Coefficients are cut as by `multiplied` of `tt_core.factors`.
 
         Args:
             physics: The means.
@@ -47,36 +48,8 @@ class DomainRandomization:
         def factor(name: str) -> float:
             return 1.0 + getattr(self, name) * draws[name]
 
-        drag, lift, grip, rubber = factor("drag"), factor("lift"), factor("grip"), factor("rubber_grip")
-        air, table, racket = physics.air, physics.table, physics.racket
-        tangential = min(racket.tangential * rubber, 0.79)  # above 0.8 a shell would come back faster than it slipped
-        rubber = tangential / racket.tangential
-        return replace(
-            physics,
-            air=replace(
-                air,
-                drag=air.drag * drag,
-                drag_h=air.drag_h * drag,
-                lift=air.lift * lift,
-                lift_h=air.lift_h * lift,
-                lift_ratio=air.lift_ratio * lift,
-                spin_decay=air.spin_decay * factor("spin_decay"),
-            ),
-            table=replace(
-                table,
-                restitution=min(1.0, table.restitution * factor("restitution")),
-                friction=table.friction * factor("friction"),
-                grip=min(2.0, table.grip * grip),
-            ),
-            racket=replace(
-                racket,
-                restitution=min(1.0, racket.restitution * (bounce := factor("rubber_restitution"))),
-                restitution_least=min(1.0, racket.restitution * bounce, racket.restitution_least * bounce),
-                tangential=tangential,
-                tangential_least=racket.tangential_least * rubber,
-                rotational=racket.rotational * rubber,
-            ),
-        )
+        drawn = multiplied(physics, [factor(name) for name in FACTORS])
+        return replace(drawn, air=replace(drawn.air, spin_decay=drawn.air.spin_decay * factor("spin_decay")))
 
 
 _ORDER = ("drag", "lift", "grip", "rubber_grip", "spin_decay", "restitution", "friction", "rubber_restitution")

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from tt_core.arrays import VX, VZ, WX, Array, Z
 from tt_core.bounce import rebound_table
-from tt_core.flight import AirCoefficients, step
+from tt_core.flight import step
 from tt_core.physics import PhysicsCoefficients, physics_coefficients
 from tt_core.table_contacts import over_table
 from tt_core.tangents import (
@@ -26,6 +26,7 @@ from tt_core.tangents import (
     Scratch,
     acceleration_jacobian,
     advance,
+    air_with_factors,
     bounce_now,
     scratch,
     start_tangents,
@@ -152,17 +153,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
         straight = np.zeros(PARAMETERS)
         for k in range(4):
             straight += CORNER * columns[k] if corner >> k & 1 else -CORNER * columns[k]
-        drag, lift = math.exp(straight[DRAG]), math.exp(straight[LIFT])
-        moved = AirCoefficients(
-            air.gravity,
-            air.drag * drag,
-            air.drag_h * drag,
-            air.lift * lift,
-            air.lift_h * lift,
-            air.lift_ratio * lift,
-            air.ratio_offset,
-            air.spin_decay,
-        )
+        moved = air_with_factors(air, math.exp(straight[DRAG]), math.exp(straight[LIFT]))
         a = acceleration_jacobian(
             v[0] + straight[VX],
             v[1] + straight[VX + 1],
