@@ -1,7 +1,8 @@
 """What following the ball and learning are worth: rallies without ROS in the world `real`, the same balls with and without each part.
 
 --balls N plays N balls of each robot (default 1,000), and a fifth of them with each fault of the wide cameras. What is played is kept in
---cache FOLDER by revision, so an interrupted run goes on where it was. --figure FILE.svg draws the error at the strike.
+--cache FOLDER by revision, so an interrupted run goes on where it was. --figure FILE.svg draws the error at the strike. --nodes N plays
+N balls through the real nodes (default 100), for the time from a wide camera's frame to the changed command.
 
 Sessions have 50 balls; landing errors are those after the first ten. A ball can be reached if an oracle that knows the true path from the
 launch on has a stroke for it (`tt_eval.oracle`). Errors at the strike are those of the path predicted from the last state at least so old.
@@ -19,6 +20,7 @@ from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 
+import latency
 import numpy as np
 from feedback_figure import draw
 from report import report
@@ -157,7 +159,9 @@ def main():
     parser.add_argument("--cache", type=Path, default=Path("out/feedback"), help="what was played is kept here (default %(default)s)")
     parser.add_argument("--figure", type=Path, help="draw the error at the strike here, SVG")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: one for each core)")
+    parser.add_argument("--nodes", type=int, default=100, help="balls through the nodes; 0: none (default %(default)s)")
     args = parser.parse_args()
+    latency.check_frozen()
     args.cache.mkdir(parents=True, exist_ok=True)
     metrics = {}
     with ProcessPoolExecutor(args.workers, get_context("spawn")) as executor:
@@ -176,6 +180,10 @@ def main():
             print(
                 name, {key: round(value, 4) for key, value in metrics.items() if key.startswith(name) and "strike" not in key}, flush=True
             )
+    if args.nodes:
+        rows, captured, _ = latency.run(args.nodes, track=True)
+        metrics["method2_ms"] = latency.method2_ms(captured)
+        metrics |= latency.of_corrections(latency.by_cameras(rows)[1], metrics["method2_ms"])
     report("feedback", args.balls, metrics, args.json)
     if args.figure:
         draw(metrics, args.figure)

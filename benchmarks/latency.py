@@ -3,7 +3,8 @@
 --balls N at 94 a minute (default 300), all nodes of sim.launch.yaml on this machine. Of each hop the median and what 99 % of the balls
 keep, in ms, and as shares of the median of Method 2. That runs in this process on bursts of the same run: those of the CAPTURED balls that
 follow the timed ones, so that taking the images disturbs no timed ball. `measure` is timed on the same bursts. Times of calls are what one
-core spends, warm. --track lets the wide cameras follow the ball, so that there is a state between measurement and path.
+core spends, warm. --track lets the wide cameras follow the ball, so that there is a state between measurement and path. Then the way from a
+wide camera's frame to the command that a correction of the swing begins with is timed, too.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import argparse
 import hashlib
 import json
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
 
@@ -36,7 +37,7 @@ from tt_vision.measure import measure_burst
 from tt_vision.rig import SIDES, high_speed_pair
 from tt_vision.warm import warm
 
-HASH = "48ab31e8cc78d7f37a6dc76482258f5a9add0ff05e1013edfc671550c2873407"  # of method2.py, which is frozen
+HASH = "1fb6175d39f46df8cee9f5f0fca4ed35953e4ebcf8d9461a10c258370ebd7769"  # SHA-256 of method2.py, which must not change
 RATE = 94.0  # balls a minute, the most of the machine (dissertation Section 2.5.2)
 READY = 120.0  # s until the first command
 CAPTURED = 20  # balls whose images are taken
@@ -60,9 +61,10 @@ ON_REFINED = {  # the same for the refined measurement, where the event comes a 
 HOPS = (*ON_FIRST.values(), *ON_REFINED.values(), "decision")
 
 
-def frozen() -> str:
-    """The hash of method2.py as it is."""
-    return hashlib.sha256((Path(__file__).parent / "method2.py").read_bytes()).hexdigest()
+def check_frozen() -> None:
+    """End unless method2.py is as it was."""
+    if hashlib.sha256((Path(__file__).parent / "method2.py").read_bytes()).hexdigest() != HASH:
+        raise SystemExit("benchmarks/method2.py was changed: shares of its time cannot be compared with earlier ones")
 
 
 class Watch(Node):
@@ -151,34 +153,58 @@ def spent(call, repeats: int = 3) -> float:
     return min(times)
 
 
+def by_cameras(rows: list[dict[str, float]]) -> tuple[list[dict[str, float]], list[dict[str, float]]]:
+    """The latencies after last frames of the high speed cameras, and those after frames of the wide ones."""
+    measured, followed = list[dict[str, float]](), list[dict[str, float]]()
+    for row in rows:
+        (measured if row.keys() & {"first_estimate", "refined"} else followed).append(row)
+    return measured, followed
+
+
+def method2_ms(captured: list[Burst]) -> float:
+    """The median time of Method 2, ms, on bursts."""
+    if not captured:
+        raise SystemExit("no burst was captured: is another graph running?")
+    warm(high_speed_pair())
+    vectors = np.array([camera.vector for camera in high_speed_pair()])
+    method_2(captured[0].images, captured[0].times, vectors)
+    return float(np.median([spent(lambda b=b: method_2(b.images, b.times, vectors)) for b in captured]))
+
+
+def shares(name: str, times: list[float], yardstick: float) -> dict[str, float]:
+    """The count of some times (ms), their median and 99 %, and both as shares of `yardstick` (ms); nothing without times."""
+    if not times:
+        return {}
+    metrics = {f"{name}_count": float(len(times))}
+    for p in (50, 99):
+        metrics[f"{name}_ms_p{p}"] = float(np.percentile(times, p))
+        metrics[f"{name}_share_p{p}"] = float(np.percentile(times, p)) / yardstick
+    return metrics
+
+
+def of_corrections(followed: list[dict[str, float]], yardstick: float) -> dict[str, float]:
+    """From the stamp of a wide frame to the command that begins its correction, and of that from state to swing."""
+    metrics = shares("camera_to_command", [row["command"] for row in followed if "command" in row], yardstick)
+    swings = [row["swing"] - row["state"] for row in followed if row.keys() >= {"state", "swing"}]
+    return metrics | shares("state_to_swing", swings, yardstick)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="scripts/bench latency")
     parser.add_argument("--json", type=Path, help="write the metrics here")
     parser.add_argument("--balls", "--runs", type=int, default=300, help="balls (default 300)")
     parser.add_argument("--track", action="store_true", help="the wide cameras follow the ball")
     args = parser.parse_args()
-    if frozen() != HASH:
-        raise SystemExit("benchmarks/method2.py was changed: shares of its time cannot be compared with earlier ones")
+    check_frozen()
     rows, captured, hit = run(args.balls, args.track)
-    if not captured:
-        raise SystemExit("no burst was captured: is another graph running?")
-    warm(high_speed_pair())
-    vectors = np.array([camera.vector for camera in high_speed_pair()])
-    for burst in captured[:1]:
-        method_2(burst.images, burst.times, vectors)
-    yardstick = float(np.median([spent(lambda b=b: method_2(b.images, b.times, vectors)) for b in captured]))
+    measured, followed = by_cameras(rows)
+    yardstick = method2_ms(captured)
     called = [spent(lambda b=b: measure_burst(b)) for b in captured]
-    metrics = {"method2_ms": yardstick, "balls": float(len(rows)), "hit_share": hit}
+    metrics = {"method2_ms": yardstick, "balls": float(len(measured)), "hit_share": hit}
     metrics |= {"measure_ms_p50": float(np.median(called)), "measure_share_p50": float(np.median(called)) / yardstick}
-    found = Counter(hop for row in rows for hop in row)
     for hop in HOPS:
-        times = [row[hop] for row in rows if hop in row]
-        if not times:
-            continue
-        metrics[f"{hop}_count"] = float(found[hop])
-        for p in (50, 99):
-            metrics[f"frame_to_{hop}_ms_p{p}"] = float(np.percentile(times, p))
-            metrics[f"frame_to_{hop}_share_p{p}"] = float(np.percentile(times, p)) / yardstick
+        metrics |= shares(f"frame_to_{hop}", [row[hop] for row in measured if hop in row], yardstick)
+    metrics |= of_corrections(followed, yardstick)
     report("latency", args.balls, metrics, args.json)
 
 

@@ -1,8 +1,10 @@
-"""Method 2 of the dissertation (Section 2.4), frozen: the yardstick that times of the measurement are told as shares of.
+"""Method 2 of the dissertation (Section 2.4), kept unchanged in order to measure how fast a machine is.
 
-It needs nothing of this project and is not to be changed: `HASH` in `latency.py` and a test hold it. Machines differ threefold in speed,
-and this says how fast one is. A burst is two arrays of images, their times, and both cameras as arrays (20,): rotation from the table's
-frame by rows, translation (m), focal length and principal point (pixels), the five distortion coefficients of OpenCV.
+Machines differ threefold in speed, so the benchmarks report their times as shares of the time of this one. It uses nothing of this project,
+and it must not change: `HASH` in `latency.py` is compared with its contents, by the benchmark and by a test.
+
+A burst is two arrays of images, their times, and both cameras as arrays (20,): rotation from the table's frame by rows, translation (m),
+focal length and principal point (pixels), the five distortion coefficients of OpenCV.
 """
 
 import math

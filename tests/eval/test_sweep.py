@@ -2,12 +2,12 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
 
 import numpy as np
+import psutil
 import pyarrow.parquet as pq
 import pytest
 from tt_eval import rallies
@@ -41,12 +41,14 @@ def _same(one, other):
 def test_an_interrupted_sweep_goes_on_where_it_was(whole, tmp_path):
     out = tmp_path / "run.parquet"
     command = [sys.executable, "-m", "tt_eval.sweep", "liu", "--balls", "100000", "--out", str(out), "--workers", "1"]
-    process = subprocess.Popen(command, start_new_session=True, env=os.environ)
+    process = psutil.Popen(command, env=os.environ)
     parts, end = tmp_path / "run.parquet.parts", time.monotonic() + 60
     while not list(parts.glob("*.parquet")):
         assert time.monotonic() < end and process.poll() is None
         time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGKILL)
+    killed = [process, *(child for child in process.children(recursive=True) if "resource_tracker" not in " ".join(child.cmdline()))]
+    for one in killed:  # Python's resource tracker then removes their semaphores, and ends
+        one.kill()
     process.wait()
     first = next(iter(sorted(parts.glob("*.parquet"))))
     assert str(pq.read_table(first).slice(0, BALLS).to_pylist()) == str(whole.to_pylist())
@@ -77,6 +79,14 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch, whole, capsys):
     assert _same(pq.read_table(out), whole)
 
 
+def _json(path):
+    """The contents of a file; None while it is not there or not written to its end."""
+    try:
+        return json.loads(path.read_text())
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+
+
 def test_a_cluster_plays_the_same_balls(whole, tmp_path):
     """A scheduler and two workers, each a process of its own, found by address."""
     address = tmp_path / "scheduler.json"
@@ -87,11 +97,11 @@ def test_a_cluster_plays_the_same_balls(whole, tmp_path):
     processes = [subprocess.Popen(start, cwd=tmp_path, stderr=subprocess.DEVNULL, env=os.environ) for start in starts]
     try:
         end = time.monotonic() + 60
-        while not address.exists():
+        while (found := _json(address)) is None:
             assert time.monotonic() < end
             time.sleep(0.1)
         out = tmp_path / "run.parquet"
-        sweep(SCENARIO, BALLS, out, scheduler=json.loads(address.read_text())["address"], size=5)
+        sweep(SCENARIO, BALLS, out, scheduler=found["address"], size=5)
         assert _same(pq.read_table(out), whole)
     finally:
         for process in reversed(processes):  # a worker without a scheduler waits for it

@@ -69,5 +69,5 @@ def test_a_recording_is_measured_whoever_starts_first(start, probe, until, tmp_p
     started |= {name: start(*words) for name, words in starts.items()}
     until(lambda: started["camera"].poll() is not None, probe, 200.0)
     assert started["camera"].returncode == 0
-    until(lambda: balls, probe)
-    assert len(balls) == 1 and len(images) == 48
+    until(lambda: balls and len(images) == 48, probe)
+    assert len(balls) == 1

@@ -26,7 +26,7 @@ AIR = TRUE.air.coefficients
 
 
 def rally(rng):
-    """States (9,) just before and after the racket, and the joints: a ball that meets the racket at 0 s."""
+    """Return a ball that meets the racket at 0 s: its states (9,) just before and after the contact, and the joint speeds (7,), rad/s."""
     speeds = rng.uniform(-0.5, 0.5, 7)
     met = racket_of(MODEL, Joints(0.0, np.array(MODEL.waiting), speeds))
     normal = met.racket.normal if met.racket.normal[0] > 0.0 else -met.racket.normal

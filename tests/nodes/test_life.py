@@ -3,6 +3,7 @@
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from tt_core.errors import TtError
 from tt_core.ros import diagnostics as status_module
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.inputs import Input
+from tt_core.ros.presence import Presence
 from tt_core.ros.qos import LATEST, RELIABLE
 from tt_tools import packages
 
@@ -183,6 +185,7 @@ def started(printed, name):
 
 def test_play_resumes_after_crashes(robot, probe, until):
     """The next ball is measured, predicted and answered with strokes; the arm moves only when a person has enabled it again."""
+    Presence(probe)  # a kill may block other nodes for longer than the DDS lease; like them, the probe announces itself afterwards
     paths, strokes, commands = [], [], []
     probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", paths.append, RELIABLE)
     probe.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", strokes.append, LATEST)
@@ -227,3 +230,23 @@ def test_a_crash_in_a_thread_ends_the_node(ros, monkeypatch):
     node = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert node.returncode == 1 and node.stdout == "closed\n", node
     assert "Traceback" not in node.stderr and node.stderr.splitlines()[-1].startswith("RuntimeError: a crash (crashing_thread.py:")
+
+
+def test_a_node_that_hangs_while_it_is_destroyed_ends_by_the_signal(start, probe, until, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    node = start("hanging_end")
+    until(lambda: "hanging_end" in probe.get_node_names(), probe)
+    node.send_signal(signal.SIGTERM)
+    assert node.wait(timeout=120) == -signal.SIGTERM
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="takes root and setpriv to give up the permission")
+def test_a_node_without_permission_for_its_priority_says_so_and_runs(ros, probe, until, tmp_path):
+    printed = tmp_path / "printed.txt"
+    command = ["setpriv", "--bounding-set=-sys_nice", sys.executable, "-m", "tt_core.start", "tt_predict.predict_node"]
+    with printed.open("w") as file, subprocess.Popen(command, stderr=file) as node:
+        until(lambda: "predict" in probe.get_node_names(), probe)
+        until(lambda: "real-time priority 15" in printed.read_text(), probe)
+        until(lambda: "ready" in printed.read_text(), probe)
+        node.send_signal(signal.SIGTERM)
+        assert node.wait(timeout=120) in (0, -signal.SIGTERM)

@@ -1,5 +1,7 @@
 """The first estimate: made while frames come, good enough to start a swing, and the same whoever makes it."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from tt_core.constants import RPM
@@ -35,6 +37,13 @@ def test_a_measurement_goes_on_from_it(rendered):
     burst = rendered.burst
     one, other = measure_burst(burst), measure_burst(burst, first=look_at(burst).estimate(burst))
     assert other.ball.vector == pytest.approx(one.ball.vector, abs=1e-12)
+
+
+def test_a_search_beside_the_frames_finds_the_same(rendered):
+    burst = rendered.burst
+    with ThreadPoolExecutor(1) as executor:
+        beside = look_at(burst, executor=executor).estimate(burst)
+    assert np.array_equal(beside.found.spin, look_at(burst).estimate(burst).found.spin)
 
 
 def test_three_frames_are_enough(rendered):

@@ -18,10 +18,13 @@ def benchmarks():
     sys.path.remove(str(BENCHMARKS))
 
 
-def test_it_is_frozen(benchmarks):
+def test_it_is_frozen(benchmarks, monkeypatch):
     import latency
 
-    assert latency.frozen() == latency.HASH
+    latency.check_frozen()
+    monkeypatch.setattr(latency, "HASH", "another")
+    with pytest.raises(SystemExit):
+        latency.check_frozen()
 
 
 def test_it_finds_what_method_2_finds(benchmarks, film):

@@ -21,9 +21,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
-from tt_core.errors import BadShape, TtError
+from tt_core.errors import TtError
 from tt_core.failures import Failure
 from tt_core.params import check, param
+from tt_core.priority import CONTROL, RESPONSE, set_thread_realtime
 from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
@@ -35,7 +36,7 @@ from tt_core.ros.qos import LATCHED, LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
 from tt_core.states import Array
 
-from .arm_file import load_arm
+from .arm_file import InstalledArm
 from .control import ArmControl, ControlParams, ControlStep, warm
 from .joints import Joints
 from .position_stream import LONGEST_AHEAD, PositionStream
@@ -48,7 +49,6 @@ from .startup_check import check_feasible, check_guard
 from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
-NICE = -10  # priority of the process: only the hardware is more urgent
 WATCH = 0.0025  # s between two checks whether joint states have ceased
 LOOK = 0.25  # s between two checks who else publishes commands or joint states
 TICK = 0.002  # s between the last commands of a node that ends
@@ -72,22 +72,9 @@ class ArmLine(Enum):
 
 
 @dataclass(frozen=True)
-class ArmParams:
+class ArmParams(InstalledArm):
     """The arm, and what it may do."""
 
-    robot: str = param("", "", "name of an arm, or path of an arm file or its folder, see docs/arms.md; empty: pa10")
-    base: tuple[float, ...] = param(
-        (), "m, rad", "root link in `table`: x, y, z and yaw, or x, y, z, roll, pitch and yaw; empty: as the arm file says"
-    )
-    mount: tuple[float, ...] = param(
-        (), "m, rad", "racket on the tip: m along its z axis and rad about its y axis, or six numbers; empty: as the arm file says"
-    )
-    waiting: tuple[float, ...] = param(
-        (), "rad, m", "positions of the joints at which the arm waits for a ball; empty: as the arm file says"
-    )
-    joints: tuple[str, ...] = param(
-        (), "", "names of the joints in joint states, in the order of the commands; empty: the names of the URDF"
-    )
     commands: str = param(
         "velocity",
         "",
@@ -116,12 +103,10 @@ class ArmNode(Node):
         """Declare the parameters, check the arm, load the kernels, and connect."""
         super().__init__("arm")
         params = declare(self, ArmParams, changed=self.on_params)
-        model = load_arm(params.robot, params.base, params.mount, params.waiting)
+        model = params.model()
         drives, _ = read_arm(params.robot)
         guard = declare(self, GuardParams, "guard.")
-        self.joints = params.joints or model.names
-        if len(self.joints) != len(model.names):
-            raise BadShape("joints", (len(self.joints),), (len(model.names),))
+        self.joints = params.joint_names(model)
         self.rtf = params.rtf
         self.about = f"robot {model.pinocchio.name} with {len(self.joints)} joints"
         self.control = ArmControl(
@@ -243,6 +228,7 @@ class ArmNode(Node):
 
     def plan(self) -> None:
         """Take the newest strokes whenever some come, in the planning thread."""
+        set_thread_realtime(RESPONSE.realtime)  # less urgent than the thread that sends commands
         while True:
             self.arrival.wait()
             self.arrival.clear()
@@ -269,7 +255,7 @@ class ArmNode(Node):
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
-        self.frame_time = stamp  # its swing may begin before `take` returns
+        self.frame_time = stamp  # set before the plan: the servo thread may begin the swing before `take` returns
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
@@ -363,7 +349,7 @@ class ArmNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(ArmNode, nice=NICE)
+    run(ArmNode, CONTROL)
 
 
 if __name__ == "__main__":

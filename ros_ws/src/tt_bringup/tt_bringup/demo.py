@@ -35,6 +35,7 @@ from tt_core.robots import DEFAULT, arm_file, robots
 from tt_core.ros.convert import ball_from_message, goal_from_message, goal_to_message, seconds
 from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
+from tt_core.shared_memory import remove_leftovers
 from tt_core.states import Array, BallState, ReturnGoal
 from tt_racket.goal import GoalParams, default_goal
 from tt_tools import launch
@@ -302,6 +303,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     log = (out / "log.txt").open("w", buffering=1)
     try:
+        remove_leftovers()
         refuse_neighbours()
         with graph([f"{name}:={value}" for name, value in given.items()], log) as running:
             rclpy.init()

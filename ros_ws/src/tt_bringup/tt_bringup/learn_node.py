@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from sensor_msgs.msg import CameraInfo, JointState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from tt_arm.arm_file import load_arm
+from tt_arm.arm_file import InstalledArm
 from tt_arm.joints import Joints
-from tt_arm.model import ArmModel
 from tt_core.errors import TtError
 from tt_core.factors import FACTORS
 from tt_core.learnt_physics import physics_to_text
 from tt_core.params import check, param
-from tt_core.ros.convert import ball_from_message, camera_from_message, joints_from_message, pixel_from_message
+from tt_core.priority import Priority
+from tt_core.ros.convert import ball_from_message, joints_from_message
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
@@ -32,14 +30,13 @@ from tt_core.states import Array, BallState
 from tt_eval.contact_watch import is_near, racket_of, time_to_contact
 from tt_eval.lesson import RETURN_SEEN, Lesson
 from tt_predict.learning import LearningParams, PhysicsLearner
-from tt_vision.camera import Camera
-from tt_vision.camera_pose import CameraPose
-from tt_vision.rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_SIDES, wide_pair
+from tt_vision.rig import CLOCK_SPREAD, WIDE_BIAS, wide_pair
 from tt_vision.tracking import TrackerParams
 from tt_vision.warm import warm_tracker
+from tt_vision.wide_inputs import WideInputs
 
 NICE = 5  # priority of the process: the ball on its way comes first
-LARGEST_PIXEL, LARGEST_INFO, LARGEST_STATE, LARGEST_JOINTS = 1024, 4096, 4096, 1 << 16  # bytes
+LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes
 LAG = 0.15  # s, by which joint states and pixels are looked at later: on a busy machine pixels come 0.1 s late, and learning has time
 MOST_WAITING = 1000  # pixels, 3 s of both cameras, and joint states, 2 s
 SILENCE = 0.3  # s without a pixel, after which a ball is over
@@ -47,9 +44,8 @@ SILENCE = 0.3  # s without a pixel, after which a ball is over
 
 @dataclass(frozen=True)
 class LearnParams:
-    """Whose racket it is, and where what was learnt is kept."""
+    """The file of learnt coefficients."""
 
-    robot: str = param("", "", "path of an arm file, see docs/arms.md; empty: the PA10")
     save: str = param("", "", "file that is written after each ball, for `more_params_file:=` of the next start; empty: none")
 
     def __post_init__(self) -> None:
@@ -60,7 +56,7 @@ class LearnParams:
 class LearnNode(Node):
     """Subscribe to pixels, camera_info, ball/measured and joint_states; publish `physics` after each ball that has told something.
 
-    The poses of the cameras are the parameters {wide_left,wide_right}.rotation and .translation, as of the track node.
+    The arm and the poses of the wide cameras are parameters, as of the nodes arm and track.
     """
 
     def __init__(self) -> None:
@@ -71,44 +67,28 @@ class LearnNode(Node):
         self.physics = declare_physics(self)
         self.base = str(self.get_parameter("physics").value)
         self.learner = PhysicsLearner(self.physics, declare(self, LearningParams, "learning."))
-        self.model = load_arm(self.params.robot) if self.params.robot else ArmModel.pa10()
-        self.cameras: list[Camera] = list(wide_pair())
-        self.poses = [declare(self, CameraPose.of(c), f"{name}.") for name, c in zip(WIDE_SIDES, self.cameras, strict=True)]
-        self.infos: list[CameraInfo | None] = [None, None]
+        arm = declare(self, InstalledArm)
+        self.model = arm.model()
+        self.joint_names = arm.joint_names(self.model)
         self.lesson: Lesson | None = None
-        self.measured: BallState | None = None  # a measured ball that is still to be taken
+        self.measured: BallState | None = None  # one that has arrived, until the pixels before it have been used
         self.ball: BallState | None = None  # the newest state of the ball before the racket
         self.waiting = deque[tuple[float, int, Array]](maxlen=MOST_WAITING)  # pixels that no joint state has passed yet
         self.joints = deque[Joints](maxlen=MOST_WAITING)  # joint states, LAG of them
         self.newest = -np.inf  # s, stamp of the newest pixel
-        warm_tracker(self.cameras)
+        warm_tracker(wide_pair())
         self.status = Status(self)
         self.learnt = self.create_publisher(String, "physics", LATCHED)
-        self.refused = {what: Refusals(self.status, what) for what in ("measured ball", "pixel", "camera_info", "joint state")}
-        inputs = list[Input]()
-        for side, name in enumerate(WIDE_SIDES):
-            info, pixel = f"camera/{name}/camera_info", f"camera/{name}/ball"
-            on_info, on_pixel = partial(self.on_info, side), partial(self.on_pixel, side)
-            inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.refused["camera_info"]))
-            inputs.append(Input(self, PointStamped, pixel, on_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self.refused["pixel"]))
+        self.refused = {what: Refusals(self.status, what) for what in ("measured ball", "joint state")}
+        self.wide = WideInputs(self, self.status, self.on_pixel, self.on_calibration)
+        inputs = list(self.wide.inputs)
         ball, joints = self.refused["measured ball"], self.refused["joint state"]
         inputs.append(Input(self, Odometry, "ball/measured", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=ball))
         inputs.append(Input(self, JointState, "joint_states", self.on_joints, SENSOR, largest=LARGEST_JOINTS, refused=joints))
         self.status.wait_for(inputs)
 
-    def on_info(self, side: int, message: CameraInfo) -> None:
-        """Take the calibration of a camera, unless it is the same as before."""
-        message.header = CameraInfo().header  # drivers send the same calibration again and again
-        if message == self.infos[side]:
-            return
-        try:
-            width, height, matrix, distortion = camera_from_message(message)
-            old = self.cameras[side]
-            camera = Camera.from_matrix(old.rotation, old.translation, matrix, width, height, distortion, old.pixel_size)
-            self.cameras[side], self.infos[side] = self.poses[side].placed(camera), message
-        except TtError as error:
-            self.refused["camera_info"](error)
-            return
+    def on_calibration(self) -> None:
+        """Give up the ball that was seen with the cameras as they were known before."""
         self.lesson = None
 
     def on_ball(self, message: Odometry) -> None:
@@ -118,21 +98,14 @@ class LearnNode(Node):
         except TtError as error:
             self.refused["measured ball"](error)
 
-    def on_pixel(self, side: int, message: PointStamped) -> None:
+    def on_pixel(self, stamp: float, side: int, pixel: Array) -> None:
         """Take a pixel of the ball before or after the racket."""
-        if None in self.infos:  # where they look is not known yet
-            return
-        try:
-            stamp, pixel = pixel_from_message(message)
-        except TtError as error:
-            self.refused["pixel"](error)
-            return
         self.waiting.append((stamp, side, pixel))
 
     def on_joints(self, message: JointState) -> None:
         """Take a joint state, and look at those that are LAG old: the pixels of their time have come by now."""
         try:
-            state = joints_from_message(message, self.model.names)
+            state = joints_from_message(message, self.joint_names)
             if state is None or state[2] is None:
                 return
             self.joints.append(Joints(state[0], state[1], state[2]))
@@ -190,7 +163,7 @@ class LearnNode(Node):
         if self.lesson is not None and abs(stamp - self.newest) > SILENCE:
             self.finish()
         if self.lesson is None:
-            self.lesson, self.ball = Lesson(self.learner, self.cameras, self.tracking), None
+            self.lesson, self.ball = Lesson(self.learner, self.wide.cameras, self.tracking), None
             self.newest = stamp
         return self.lesson
 
@@ -212,7 +185,7 @@ class LearnNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(LearnNode, nice=NICE)
+    run(LearnNode, Priority(nice=NICE))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from tt_core.params import check, param
+from tt_core.priority import Priority
 from tt_core.ros.diagnostics import Status
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
@@ -100,7 +101,7 @@ def marker(item: Item) -> Marker:
 
 def main() -> None:
     """Run the node."""
-    run(MarkerNode, nice=NICE)
+    run(MarkerNode, Priority(nice=NICE))
 
 
 if __name__ == "__main__":

@@ -20,8 +20,7 @@ from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from scipy.spatial.transform import Rotation
-from tt_arm.arm_file import load_arm
-from tt_arm.arm_node import ArmParams
+from tt_arm.arm_file import InstalledArm
 from tt_arm.description import placed_description
 from tt_arm.model import base_placement
 from tt_core.errors import TtError
@@ -109,9 +108,9 @@ def recorded_description(urdf: str | None, values: Mapping[str, Mapping[str, Any
     Raises:
         TtError: The arm of the parameters cannot be read, or `urdf` is no URDF.
     """
-    params = from_values(ArmParams, values["arm"])
+    params = from_values(InstalledArm, values["arm"])
     if urdf is None:
-        return load_arm(params.robot, params.base, params.mount, params.waiting).placed_description
+        return params.model().placed_description
     return placed_description(urdf, base_placement(params.base or read_arm(params.robot)[0].base))
 
 

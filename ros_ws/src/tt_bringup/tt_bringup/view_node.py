@@ -28,6 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.params import check, param
+from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, goal_to_message, image_from_message
 from tt_core.ros.diagnostics import Event, Status, read_status
 from tt_core.ros.inputs import Input
@@ -187,7 +188,7 @@ class ViewNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(ViewNode, nice=NICE)
+    run(ViewNode, Priority(nice=NICE))
 
 
 if __name__ == "__main__":

@@ -4,14 +4,40 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
+TASKS = Path("/proc/self/task")  # the threads of this process
 
-def set_priority(nice: int) -> None:
-    """Set the priority of this process, of the threads that it starts from now on, and of its session if it leads one.
+
+@dataclass(frozen=True)
+class Priority:
+    """How urgent the work of a process is.
+
+    With a real-time priority a thread runs at once on any core on which nothing as urgent runs, and is not interrupted by other programs.
+    Between two processes without one Linux divides the time of a core; one that is interrupted after each millisecond, and moved from core
+    to core, takes twice as long.
+
+    Attributes:
+        realtime: Level of SCHED_FIFO, 1 to 99; 0: none.
+        nice: Used where real-time priorities are not permitted; -20, the most urgent, to 19.
+    """
+
+    realtime: int = 0
+    nice: int = 0
+
+
+ORDINARY = Priority()
+CONTROL = Priority(20, -10)  # arm and hardware: short work at fixed times
+RESPONSE = Priority(15, -5)  # camera, tracker, prediction, strokes: short work that a ball on its way waits for
+MEASUREMENT = Priority(10, -5)  # long work that a ball waits for
+
+
+def set_nice(nice: int) -> None:
+    """Set the nice value of this process, of the threads that it starts from now on, and of its session if it leads one.
 
     Linux shares the processor between sessions first (autogroup, man 7 sched): the nice value of a process counts within its session only.
-    A process that a launch file has started leads a session of its own.
+    A process that a launch file has started leads a session of its own. A real-time priority that was inherited ends.
 
     Args:
         nice: -20, the most urgent, to 19.
@@ -19,7 +45,32 @@ def set_priority(nice: int) -> None:
     Raises:
         PermissionError: A negative value is not permitted (ulimit -e).
     """
+    if os.sched_getscheduler(0) != os.SCHED_OTHER:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     os.setpriority(os.PRIO_PROCESS, 0, nice)
     if os.getsid(0) == os.getpid():
         with suppress(OSError):  # a kernel without autogroup, or one that lets nobody change it: then processes compete one by one
             Path("/proc/self/autogroup").write_text(str(nice))
+
+
+def set_realtime(level: int) -> None:
+    """Give a real-time priority to all threads of this process, but not to those that have one already.
+
+    Threads that are started later inherit that of the thread that starts them.
+
+    Args:
+        level: Of SCHED_FIFO, 1 to 99.
+
+    Raises:
+        PermissionError: That level is not permitted (ulimit -r).
+    """
+    for task in TASKS.iterdir():
+        with suppress(ProcessLookupError):  # a thread that has ended meanwhile
+            if os.sched_getscheduler(int(task.name)) == os.SCHED_OTHER:
+                os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(level))
+
+
+def set_thread_realtime(level: int) -> None:
+    """Give the calling thread a real-time priority if that is permitted. level: Of SCHED_FIFO, 1 to 99."""
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(level))

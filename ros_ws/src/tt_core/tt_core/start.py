@@ -5,13 +5,13 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
-import os
 import signal
 import sys
 from pathlib import Path
 
+from .shared_memory import check_room, remove_leftovers
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-MEMORY, ROOM = Path("/dev/shm"), 2**16  # bytes of shared memory that a node must find
 
 
 def default_signals() -> None:
@@ -19,18 +19,6 @@ def default_signals() -> None:
     for number in SIGNALS:
         signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-
-
-def check_memory() -> None:
-    """End with exit code 2 and one line where shared memory is full.
-
-    Libraries of ROS map files there, and the process would end with SIGBUS. With more room than ROOM the middleware goes on with UDP.
-    """
-    if MEMORY.is_dir():
-        disk = os.statvfs(MEMORY)
-        if (free := disk.f_bavail * disk.f_frsize) < ROOM:
-            print(f"{MEMORY} has {free} bytes free, nodes need {ROOM}; `fastdds shm clean` removes what dead nodes left", file=sys.stderr)
-            sys.exit(2)
 
 
 def print_help(module: str) -> None:
@@ -53,7 +41,8 @@ def start(module: str) -> None:
         module: Name of a module with a function `main`.
     """
     default_signals()
-    check_memory()
+    remove_leftovers()
+    check_room()
     if module.endswith("_node") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         print_help(module)
         return

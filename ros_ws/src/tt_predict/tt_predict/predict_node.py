@@ -17,6 +17,7 @@ from tt_core.errors import TtError
 from tt_core.hit_windows import PATH_END_X
 from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
+from tt_core.priority import RESPONSE
 from tt_core.ros.convert import ball_from_message, path_to_message, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import Input
@@ -32,7 +33,6 @@ from .state_selection import StateSelection, StateSelectionParams
 from .uncertainty import uncertainty
 
 UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
-NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_STATE = 4096  # bytes: a state has 730
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
@@ -87,7 +87,7 @@ class PredictNode(Node):
         self.status.wait_for(inputs)
 
     def on_physics(self, message: String) -> None:
-        """Use learnt coefficients from the next state on."""
+        """Take learnt coefficients; the states that arrive after them are predicted with them."""
         try:
             self.physics = physics_from_text(message.data, "predict", self.physics)
         except TtError as error:
@@ -141,7 +141,7 @@ class PredictNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(PredictNode, nice=NICE)
+    run(PredictNode, RESPONSE)
 
 
 if __name__ == "__main__":

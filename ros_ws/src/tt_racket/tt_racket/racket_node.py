@@ -13,6 +13,7 @@ from tt_core.errors import TtError
 from tt_core.hit_windows import HIT_WINDOWS
 from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
+from tt_core.priority import RESPONSE
 from tt_core.robots import read_arm
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
 from tt_core.ros.diagnostics import Event, Status
@@ -30,7 +31,6 @@ from .intercept import InterceptParams, intercept
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import solve
 
-NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
 LARGEST_GOAL = 4096  # bytes: one point has 200
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
@@ -101,14 +101,14 @@ class RacketNode(Node):
         self.goal_params = params
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
-        """Use the goal from the next path on."""
+        """Take a goal; it is used from the next path on."""
         try:
             self.goal = goal_from_message(message)
         except TtError as error:
             self.bad_goals(error)
 
     def on_physics(self, message: String) -> None:
-        """Use learnt coefficients from the next path on."""
+        """Take learnt coefficients; the paths that arrive after them are solved with them."""
         try:
             self.physics = physics_from_text(message.data, "racket", self.physics)
         except TtError as error:
@@ -150,7 +150,7 @@ class RacketNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(RacketNode, nice=NICE)
+    run(RacketNode, RESPONSE)
 
 
 if __name__ == "__main__":

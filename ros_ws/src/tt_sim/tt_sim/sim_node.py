@@ -29,6 +29,7 @@ from tt_arm.arm_file import load_arm
 from tt_arm.joints import Joints
 from tt_core.errors import TtError
 from tt_core.physics import Physics
+from tt_core.priority import CONTROL
 from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import (
@@ -60,7 +61,6 @@ from .world.outcome import Outcome
 from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
-NICE = -10  # priority: hardware does not wait for a busy machine
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
 PAUSE = 0.25  # s, at least, between two reports of refused commands
@@ -317,7 +317,7 @@ def is_heard(publisher: Publisher) -> bool:
 
 def main() -> None:
     """Run the node."""
-    run(SimNode, nice=NICE)
+    run(SimNode, CONTROL)
 
 
 if __name__ == "__main__":

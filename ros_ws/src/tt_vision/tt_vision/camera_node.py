@@ -15,14 +15,17 @@ from pathlib import Path
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.errors import TtError
 from tt_core.params import check, param
+from tt_core.priority import RESPONSE
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import camera_to_message, image_to_message
 from tt_core.ros.diagnostics import Status
-from tt_core.ros.discovery import is_heard
+from tt_core.ros.discovery import RECORDERS, is_heard, listeners
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, RECORDED, SENSOR
@@ -31,9 +34,9 @@ from .capture.devices import DeviceCounts, DeviceParams
 from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
 from .rig import SIDES, high_speed_pair
 
-UPGRADE = 3.0  # s for a subscriber to ask for reliable images, as estimate_node does when it sees that they are offered
+UPGRADE = 3.0  # s to wait until all subscriptions are reliable: estimate_node makes them so once it has discovered this publisher
 ACKNOWLEDGED = 200  # images between two waits for their arrival
-MATCHING = 0.3  # s, from the discovery of a subscriber until it has discovered the publisher, too
+SETTLED = 1.0  # s without a change of the subscriptions: on a busy machine some are discovered so much later than others
 
 
 class CameraLine(Enum):
@@ -102,10 +105,10 @@ class CameraNode(Node):
             for side, calibration in calibrations(Path(self.source.path)).items():
                 self.calibrations[side] = calibration
         self.status = Status(self, hardware=f"{self.source.kind} {self.source.path}")
-        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]
         self.recorded = self.source.kind != "device"
         qos = RECORDED if self.recorded else SENSOR
         self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", qos) for name in SIDES]
+        self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]
         answer_clock_pings(self)
         with closing(self.read_images()) as source:
             first = next(source)  # a source that cannot be read ends the node here
@@ -152,21 +155,35 @@ class CameraNode(Node):
             signal.raise_signal(signal.SIGTERM)
 
     def wait(self) -> bool:
-        """Wait until a node subscribes to images and calibrations of both cameras, and to the images reliably.
+        """Wait until nodes subscribe to images and calibrations of both cameras, and to the images reliably.
 
         Returns:
-            False if it has not come within the parameter `wait`.
+            False if they have not come within the parameter `wait`.
         """
         end, patience = time.monotonic() + self.play.wait, math.inf
-        while (now := time.monotonic()) < min(end, patience):
+        known, changed = set[bytes](), math.inf
+        while (now := time.monotonic()) < end:
+            found = {bytes(info.endpoint_gid) for publisher in (*self.images, *self.infos) for info in self.subscriptions_of(publisher)}
+            if found != known:
+                known, changed = found, now
             if all(is_heard(self, publisher) for publisher in (*self.images, *self.infos)):
                 patience = min(patience, now + UPGRADE)
-                asked = [info for publisher in self.images for info in self.get_subscriptions_info_by_topic(publisher.topic_name)]
-                if all(info.qos_profile.reliability is ReliabilityPolicy.RELIABLE for info in asked):
+                if now > changed + SETTLED and (now > patience or all(map(self.is_discovered, self.images, self.infos))):
                     break
             time.sleep(0.05)
-        time.sleep(MATCHING)
+        for publisher in self.infos:  # nodes learn of publishers in the order of their creation: who has the calibration knows the images
+            publisher.wait_for_all_acked(Duration(seconds=1.0))
         return now < end
+
+    def subscriptions_of(self, publisher: Publisher) -> list[TopicEndpointInfo]:
+        """Return what is known of the subscriptions of a publisher's topic."""
+        return list(self.get_subscriptions_info_by_topic(publisher.topic_name))
+
+    def is_discovered(self, images: Publisher, infos: Publisher) -> bool:
+        """Tell whether each node that subscribes to the calibration subscribes to the images, too, and all that do so reliably."""
+        asked = self.subscriptions_of(images)
+        is_reliable = all(info.qos_profile.reliability is ReliabilityPolicy.RELIABLE for info in asked)
+        return is_reliable and listeners(self, infos.topic_name) - RECORDERS <= {info.node_name for info in asked}
 
     def publish_once(self) -> int:
         """Publish the source from its beginning to its end; return the number of images."""
@@ -191,7 +208,7 @@ class CameraNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(CameraNode)
+    run(CameraNode, RESPONSE)
 
 
 if __name__ == "__main__":

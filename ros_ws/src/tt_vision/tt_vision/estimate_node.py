@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -18,6 +19,7 @@ from tt_core.constants import RPM
 from tt_core.errors import BadShape, TtError
 from tt_core.failures import Failure
 from tt_core.params import check, param
+from tt_core.priority import MEASUREMENT
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
 from tt_core.ros.diagnostics import Event, Status
@@ -39,7 +41,6 @@ from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
 from .warm import warm
 
-NICE = -5  # priority of the process: the ball does not wait; only arm and hardware are more urgent
 LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 MOST_HELD = 8  # bursts: twelve images of 54 kB each
 LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
@@ -138,6 +139,7 @@ class EstimateNode(Node):
         alone = self.assembler.params.alone
         self.sides = [SIDES.index(alone)] if alone else [0, 1]
         self.look: FirstLook | None = None  # at the present ball
+        self.searching = ThreadPoolExecutor(1, "spin search")
         self.held: deque[Burst] = deque(maxlen=MOST_HELD)  # bursts that came before the calibration of their cameras
         self.measured, self.refused = 0, 0
         warm(high_speed_pair())
@@ -157,7 +159,7 @@ class EstimateNode(Node):
 
     def on_info(self, side: int, message: CameraInfo) -> None:
         """Take the calibration of a camera, unless it is the same as before."""
-        message.header = CameraInfo().header  # drivers send the same calibration with each image
+        message.header = CameraInfo().header  # drivers repeat a calibration with other stamps
         if message == self.infos[side]:
             return
         try:
@@ -210,7 +212,7 @@ class EstimateNode(Node):
         if len(lenses) < len(self.sides) or not all(lens.is_nearly_straight for lens in lenses):
             return None
         cameras = [lens.camera(self.poses[side]) for lens, side in zip(lenses, self.sides, strict=True)]
-        return FirstLook(cameras, self.search, self.lamps)
+        return FirstLook(cameras, self.search, self.lamps, self.searching)
 
     def look_at_rest(self, burst: Burst) -> FirstLook | None:
         """Return the look with what is left of a burst; None if the burst was not looked at while it came."""
@@ -271,6 +273,10 @@ class EstimateNode(Node):
         rpm = np.linalg.norm(result.ball.spin) / RPM
         self.status.terminal.info(EstimateLine.FIRST, speed=np.linalg.norm(result.ball.velocity), rpm=rpm)
 
+    def close(self) -> None:
+        """End the thread that searches."""
+        self.searching.shutdown()
+
     def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
         """Tell why a burst is not measured. stamp: of its last frame, s."""
         self.refused += 1
@@ -284,7 +290,7 @@ class EstimateNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(EstimateNode, nice=NICE)
+    run(EstimateNode, MEASUREMENT)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -92,13 +93,20 @@ class _Frame:
 class FirstLook:
     """Takes the frames of one burst as they come, and makes its first estimate."""
 
-    def __init__(self, cameras: Sequence[Camera], search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None) -> None:
+    def __init__(
+        self,
+        cameras: Sequence[Camera],
+        search: SearchParams = DEFAULT,
+        lamps: CalibratedLamps | None = None,
+        executor: Executor | None = None,
+    ) -> None:
         """Begin without a frame.
 
         Args:
             cameras: Who takes the images.
             search: How much is spent on the spin.
             lamps: Calibrated lamps; None: the light is fitted to the burst.
+            executor: Runs the search of the spin while further frames are added; None: the search runs within `add`.
         """
         self._cameras, self._search, self._lamps = tuple(cameras), search, lamps
         self._vectors = np.array([camera.vector for camera in cameras])
@@ -107,7 +115,8 @@ class FirstLook:
         self._size = 0  # pixels of the full resolution, side of what is cut out
         self._light: Illumination | None = None  # of the frames that were searched
         self._top = 0.0  # grey level of the brightest pixel of these
-        self._proposal: Proposal | None = None
+        self._executor = executor
+        self._proposal: Future[Proposal] | None = None
 
     @property
     def times(self) -> list[float]:
@@ -140,7 +149,7 @@ class FirstLook:
             self._light_up()
             if self._search.max_spin * (self._frames[1].time - self._frames[0].time) <= DENSE_TURN:
                 surface = self._surface()
-                self._proposal = propose(surface, self._search) if surface.contrast >= LEAST_CONTRAST else None
+                self._proposal = self._propose(surface) if surface.contrast >= LEAST_CONTRAST else None
 
     def estimate(self, burst: Burst) -> FirstEstimate:
         """Return the first estimate of the burst whose frames were taken.
@@ -164,7 +173,16 @@ class FirstLook:
         light = self._whole_light()
         if surface.contrast < LEAST_CONTRAST:
             return FirstEstimate(motion, None, light, surface, Failure(SpinReason.NO_MARKS))
-        return FirstEstimate(motion, register(surface, self._search, self._proposal), light, surface, None)
+        proposal = None if self._proposal is None else self._proposal.result()
+        return FirstEstimate(motion, register(surface, self._search, proposal), light, surface, None)
+
+    def _propose(self, surface: SoftSurface) -> Future[Proposal]:
+        """Search the spin on the frames so far."""
+        if self._executor is not None:
+            return self._executor.submit(propose, surface, self._search)
+        done = Future[Proposal]()
+        done.set_result(propose(surface, self._search))
+        return done
 
     def _fits(self, frame: _Frame) -> bool:
         """Return whether the ball fits into what is cut out; if not, more is cut out from now on."""
@@ -249,9 +267,11 @@ class FirstLook:
         return out.reshape(-1, *first.shape[1:])
 
 
-def look_at(burst: Burst, search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None) -> FirstLook:
+def look_at(
+    burst: Burst, search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None, executor: Executor | None = None
+) -> FirstLook:
     """Return a first look at all frames of a burst with cameras and detections, of which every image shows the whole ball."""
-    look = FirstLook(burst.cameras, search, lamps)
+    look = FirstLook(burst.cameras, search, lamps, executor)
     for k, time in enumerate(burst.times.tolist()):
         look.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
     return look

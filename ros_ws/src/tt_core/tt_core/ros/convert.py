@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist, Vector3
+from geometry_msgs.msg import Point, PointStamped, PoseStamped, Quaternion, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry, Path
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
@@ -92,14 +92,15 @@ def _duration(time: float) -> Duration:
     return Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
-def _vector3(v: Sequence[float] | Array) -> Vector3:
+def _vector3(v: Sequence[float]) -> Vector3:
     """Return the message of a vector (3,)."""
-    return Vector3(x=float(v[0]), y=float(v[1]), z=float(v[2]))
+    x, y, z = v
+    return Vector3(x=x, y=y, z=z)
 
 
-def _numbers(v: Vector3 | Point) -> Array:
+def _numbers(v: Vector3 | Point) -> tuple[float, float, float]:
     """Return the vector (3,) of a message."""
-    return np.array([v.x, v.y, v.z])
+    return v.x, v.y, v.z
 
 
 def _fill(message: Vector3 | Point, v: Array) -> None:
@@ -160,7 +161,9 @@ def _trajectory(time: float, joint: str, points: list[MultiDOFJointTrajectoryPoi
     return message
 
 
-def _point(after: float, position: Array, velocity: Array, spin: Sequence[float] | Array) -> MultiDOFJointTrajectoryPoint:
+def _point(
+    after: float, position: Sequence[float], velocity: Sequence[float], spin: Sequence[float] = (0.0, 0.0, 0.0)
+) -> MultiDOFJointTrajectoryPoint:
     """Return a point `after` s with position (m), velocity (m/s) and spin (rad/s), each (3,)."""
     return MultiDOFJointTrajectoryPoint(
         transforms=[Transform(translation=_vector3(position))],
@@ -194,16 +197,16 @@ def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
         TtError: The path has more than MOST_POINTS points, or a number is outside its bound.
     """
     check_range("number of points of the path", len(path.times), 1, MOST_POINTS)
-    start = path.times[0]
+    start = float(path.times[0])
     check_range("duration of the path, s,", path.times[-1] - start, *FROM_START)
     rows = zip(
-        path.times,
-        _bounded("position", path.positions, (-1, 3), PLACE),
-        _bounded("velocity", path.velocities, (-1, 3), SPEED),
-        _bounded("spin", path.spins, (-1, 3), SPIN),
+        (path.times - start).tolist(),
+        _bounded("position", path.positions, (-1, 3), PLACE).tolist(),
+        _bounded("velocity", path.velocities, (-1, 3), SPEED).tolist(),
+        _bounded("spin", path.spins, (-1, 3), SPIN).tolist(),
         strict=True,
     )
-    return _trajectory(start, "ball", [_point(t - start, p, v, w) for t, p, v, w in rows])
+    return _trajectory(start, "ball", [_point(*row) for row in rows])
 
 
 def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
@@ -241,7 +244,7 @@ def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTraject
         goal: Landing place, flight time and spin that are asked of the return.
         time: s, when the goal was set.
     """
-    point = _point(goal.flight_time, np.append(goal.landing, 0.0), np.zeros(3), [0.0, goal.spin_y, goal.spin_z])
+    point = _point(goal.flight_time, [*goal.landing.tolist(), 0.0], [0.0, 0.0, 0.0], [0.0, goal.spin_y, goal.spin_z])
     return _trajectory(time, "ball", [point])
 
 
@@ -269,15 +272,18 @@ def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJ
         TtError: There are more than MOST_STROKES, or a number is outside its bound.
     """
     check_range("number of strokes", len(rackets), 0, MOST_STROKES)
-    points = []
-    for racket in rackets:
-        position, velocity = _bounded("position", racket.position, (3,), PLACE), _bounded("velocity", racket.velocity, (3,), SPEED)
-        point = _point(
-            check_range("time of the strike after the path's start, s,", racket.time - time, *FROM_START), position, velocity, np.zeros(3)
-        )
-        q = point.transforms[0].rotation
-        q.x, q.y, q.z, q.w = Rotation.from_matrix(check_array("rotation", racket.rotation, (3, 3))).as_quat()
-        points.append(point)
+    if not rackets:
+        return _trajectory(time, "racket", [])
+    rows = zip(
+        [check_range("time of the strike after the path's start, s,", racket.time - time, *FROM_START) for racket in rackets],
+        _bounded("position", [racket.position for racket in rackets], (-1, 3), PLACE).tolist(),
+        _bounded("velocity", [racket.velocity for racket in rackets], (-1, 3), SPEED).tolist(),
+        strict=True,
+    )
+    points = [_point(*row) for row in rows]
+    turns = Rotation.from_matrix(check_array("rotation", [racket.rotation for racket in rackets], (-1, 3, 3))).as_quat()
+    for point, (x, y, z, w) in zip(points, turns.tolist(), strict=True):
+        point.transforms[0].rotation = Quaternion(x=x, y=y, z=z, w=w)
     return _trajectory(time, "racket", points)
 
 
@@ -287,17 +293,18 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
     Raises:
         TtError: There are more than MOST_STROKES, a number is outside its bound, or a quaternion does not have length 1.
     """
-    start = _check(message, "racket", 0, MOST_STROKES)
-    rackets = []
-    for point in message.points:
-        q = point.transforms[0].rotation
-        if not abs(math.hypot(q.x, q.y, q.z, q.w) - 1.0) <= 1e-3:  # not so either for NaN
-            raise BadMessage(f"quaternion of length 1 expected, got {q.x}, {q.y}, {q.z}, {q.w}")
-        normal = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()[:, 2]
-        position = _bounded("position", _numbers(point.transforms[0].translation), (3,), PLACE)
-        velocity = _bounded("velocity", _numbers(point.velocities[0].linear), (3,), SPEED)
-        rackets.append(RacketState.facing(start + _after(point), position, velocity, normal))
-    return rackets
+    start, points = _check(message, "racket", 0, MOST_STROKES), message.points
+    if not points:
+        return []
+    turns = [(q.x, q.y, q.z, q.w) for q in (point.transforms[0].rotation for point in points)]
+    for turn in turns:
+        if not abs(math.hypot(*turn) - 1.0) <= 1e-3:  # not so either for NaN
+            raise BadMessage(f"quaternion of length 1 expected, got {', '.join(map(str, turn))}")
+    times = [start + _after(point) for point in points]
+    positions = _bounded("position", [_numbers(point.transforms[0].translation) for point in points], (-1, 3), PLACE)
+    velocities = _bounded("velocity", [_numbers(point.velocities[0].linear) for point in points], (-1, 3), SPEED)
+    normals = Rotation.from_quat(turns).as_matrix()[:, :, 2]
+    return [RacketState.facing(*row) for row in zip(times, positions, velocities, normals, strict=True)]
 
 
 def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) -> PointStamped:

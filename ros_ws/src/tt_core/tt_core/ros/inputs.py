@@ -69,9 +69,9 @@ class Input:
         is_reliable = all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)
         asked = compatible(self._reliably if is_reliable else self._wanted, offered)
         if offered and (asked.reliability, asked.durability) != (self._asked.reliability, self._asked.durability):
-            self._asked = asked
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = self._subscribe()
+            self._asked, old = asked, self._subscription
+            self._subscription = self._subscribe()  # first, for a publisher that waits for this node must always see it
+            self._node.destroy_subscription(old)
 
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor

@@ -23,15 +23,18 @@ from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock
 
 from ..errors import TtError
-from ..priority import set_priority
+from ..exit_timer import end_by_signal
+from ..priority import ORDINARY, Priority, set_nice, set_realtime
 from ..revision import package_version
 from ..start import SIGNALS, default_signals
 from .params import changed_parameters
+from .presence import Presence
 
 THREADS = 1.0  # s for the threads of a node to end after its context
+ENDING = 2.0  # s for a process to end after its node was closed
 
 
-def run(make: Callable[[], Node], *, nice: int = 0) -> None:
+def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     """Spin one node until SIGINT or SIGTERM, call its `close` if it has one, then destroy it and its context.
 
     While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a
@@ -44,15 +47,17 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
     of the node ends it after `close`, with one line and exit code 1; the traceback is told on the log level DEBUG. Threads must end with
     the context; errors of a context that has ended are not told.
 
+    After `close` the process has 2 s to end: sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the
+    global interpreter lock (GIL). Then the process is ended by the signal that it had received, or by SIGTERM.
+
     Args:
         make: Returns the node.
-        nice: Priority of the process, below 0 for one that must answer in time on a busy machine. Where the system does not permit it
-            (`ulimit -e`), the process tells so and runs at the usual one.
+        priority: Of the process. It is real-time once the node is made. Where the system does not permit what is asked for (`ulimit -r`,
+            `ulimit -e`), the process tells so and runs at what is permitted.
     """
     default_signals()
     _bound_clock()
-    if nice:
-        _prioritize(nice)
+    is_nice = _set_nice(priority.nice)
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # RCLError: arguments of ROS that are none
@@ -71,13 +76,17 @@ def run(make: Callable[[], Node], *, nice: int = 0) -> None:
             asked.set_result(None)
 
     threading.excepthook = on_thread_exception
+    Presence(node)
+    _set_realtime(priority, is_nice)
     _tell_ready(node)
+    received = list[int]()
     try:
-        with _signals(asked):
+        with _signals(asked, received):
             _spin(node, asked)
     except Exception as error:
         crashes.append(error)
     finally:
+        end_by_signal(received[0] if received else signal.SIGTERM, ENDING)
         rclpy.try_shutdown()
         _join_threads()
         _tell_crashes(node, crashes)
@@ -115,12 +124,28 @@ def _bound_clock() -> None:
     TimeSource.clock_callback = clock_callback  # type: ignore[assignment]
 
 
-def _prioritize(nice: int) -> None:
-    """Before any thread is started: they inherit it."""
+def _set_nice(nice: int) -> bool:
+    """Return whether the nice value is permitted. Before any thread is started: they inherit it."""
     try:
-        set_priority(nice)
+        if nice:
+            set_nice(nice)
     except PermissionError:
-        print(f"no permission for priority {nice} (ulimit -e): on a busy machine answers may come late", file=sys.stderr)
+        return False
+    return True
+
+
+def _set_realtime(priority: Priority, is_nice: bool) -> None:
+    """After the node was made: loading and compiling take seconds, for which other programs are not to be stopped."""
+    if not priority.realtime:
+        return
+    try:
+        set_realtime(priority.realtime)
+    except PermissionError:
+        instead = f"runs at nice {priority.nice}" if is_nice else f"nor for nice {priority.nice} (ulimit -e)"
+        print(
+            f"no permission for real-time priority {priority.realtime} (ulimit -r), {instead}: on a busy machine answers may come late",
+            file=sys.stderr,
+        )
 
 
 def _made(make: Callable[[], Node]) -> Node | None:
@@ -147,9 +172,9 @@ def _spin(node: Node, asked: Future) -> None:
 
 
 @contextmanager
-def _signals(asked: Future) -> Iterator[None]:
-    """The first SIGINT or SIGTERM completes `asked`. A second one takes effect when the context is left."""
-    received, (read, write) = list[int](), os.pipe()
+def _signals(asked: Future, received: list[int]) -> Iterator[None]:
+    """Append SIGINT and SIGTERM to `received`. The first one completes `asked`, a second one takes effect when the context is left."""
+    read, write = os.pipe()
 
     def wait() -> None:  # a thread, because Python's own handlers wait until the executor returns
         os.read(read, 1)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from tt_core.physics import Physics
-from tt_core.priority import set_priority
+from tt_core.priority import set_nice
 from tt_core.states import BallState
 from tt_vision.rig import high_speed_pair
 
@@ -137,7 +137,7 @@ class RenderWorker:
 
 def main() -> None:
     """Render until the input ends."""
-    set_priority(NICE)  # the simulator itself runs above the usual priority
+    set_nice(NICE)  # the simulator itself runs above the usual priority
     try:
         renderer: LaunchRenderer = pickle.load(sys.stdin.buffer)
         scene, rng = Scene(texture=Texture.drawn(renderer.seed)), np.random.default_rng(renderer.seed)

@@ -1,0 +1,100 @@
+"""The middleware's files in shared memory: what dead processes left there, and the room that a node needs."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+FOLDER = Path("/dev/shm")
+ROOM = 2**16  # bytes that must be free in FOLDER for a node to start
+FILE = re.compile(r"fastrtps_(port\d+|[0-9a-f]{16})")  # a port at which a participant of Fast DDS receives, or the data that it sends
+
+
+def check_room() -> None:
+    """End with exit code 2 and one line where shared memory is full.
+
+    Libraries of ROS map files there, and the process would end with SIGBUS. With more room than ROOM the middleware goes on with UDP.
+    """
+    if FOLDER.is_dir():
+        disk = os.statvfs(FOLDER)
+        if (free := disk.f_bavail * disk.f_frsize) < ROOM:
+            print(f"{FOLDER} has {free} bytes free, nodes need {ROOM}; remove files of other programs there", file=sys.stderr)
+            sys.exit(2)
+
+
+def remove_leftovers(folder: Path = FOLDER) -> list[str]:
+    """Remove the files of Fast DDS that dead processes left and nobody uses, as `fastdds shm clean` does.
+
+    A node that is killed leaves its files, about 0.6 MB: nodes that are started again and again fill the shared memory of a container, 64
+    MB. Each file has a lock, the file with `_el` behind the name, which its owner holds as long as it lives. A file is left over if
+    nobody holds its lock and no process whose memory map can be read has mapped it. The lock is held during the check, so that no new
+    participant can begin to use the file.
+
+    Args:
+        folder: Where the files are.
+
+    Returns:
+        The names of the files that were removed, without those of locks.
+    """
+    removed = []
+    with ExitStack() as locks:
+        idle = [path for path in _own_files(folder) if locks.enter_context(_locked(path))]
+        mapped = _mapped_inodes() if idle else set()
+        for path in idle:
+            with suppress(OSError):
+                if path.stat().st_ino not in mapped:
+                    path.unlink(missing_ok=True)
+                    path.with_name(f"sem.{path.name}_mutex").unlink(missing_ok=True)
+                    removed.append(path.name)
+    return removed
+
+
+def _own_files(folder: Path) -> list[Path]:
+    files = []
+    for path in folder.glob("fastrtps_*"):
+        with suppress(OSError):
+            status = path.lstat()
+            if FILE.fullmatch(path.name) and stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid():
+                files.append(path)
+    return files
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[bool]:
+    """Try to lock a file of Fast DDS through its lock file, as Fast DDS does; yield whether the lock was obtained.
+
+    The lock file is removed before the lock is released, if it was created here or if the file that it belongs to was removed meanwhile.
+    """
+    lock = path.with_name(f"{path.name}_el")
+    existed = lock.exists()
+    try:
+        descriptor = os.open(lock, os.O_CREAT | os.O_RDONLY, 0o666)
+    except OSError:
+        yield False
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        is_held = os.fstat(descriptor).st_nlink > 0  # 0: its owner has deleted the lock file since it was opened here
+    except OSError:
+        is_held = False
+    try:
+        yield is_held
+    finally:
+        if is_held and not (existed and path.exists()):
+            lock.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _mapped_inodes() -> set[int]:
+    """Return the inodes of all Fast DDS files that running processes have mapped, as far as we may read their /proc/PID/maps."""
+    inodes = set()
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        with suppress(OSError), maps.open(errors="replace") as lines:
+            inodes |= {int(line.split()[4]) for line in lines if "/fastrtps_" in line}
+    return inodes

@@ -1,0 +1,85 @@
+"""The wide cameras of a node: their poses, their calibrations, and the pixels at which they see the ball."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from geometry_msgs.msg import PointStamped
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo
+from tt_core.errors import TtError
+from tt_core.ros.convert import camera_from_message, pixel_from_message
+from tt_core.ros.diagnostics import Status
+from tt_core.ros.inputs import Input
+from tt_core.ros.params import declare
+from tt_core.ros.qos import LATCHED, SENSOR
+from tt_core.ros.refusals import Refusals
+from tt_core.states import Array
+
+from .camera import Camera
+from .camera_pose import CameraPose
+from .rig import WIDE_SIDES, wide_pair
+
+LARGEST_PIXEL = 1024  # bytes: one has 60
+LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
+
+
+class WideInputs:
+    """Subscriptions of a node to the topics camera/{wide_left,wide_right}/ball and camera_info.
+
+    The poses of the cameras are the parameters {wide_left,wide_right}.rotation and .translation of the node.
+
+    Attributes:
+        cameras: The left and the right one, changed in place when a calibration arrives.
+        inputs: The subscriptions.
+    """
+
+    def __init__(
+        self, node: Node, status: Status, on_pixel: Callable[[float, int, Array], None], on_calibration: Callable[[], None]
+    ) -> None:
+        """Declare the poses and subscribe.
+
+        Args:
+            node: The node that subscribes.
+            status: Its diagnostics, which tell of what is refused.
+            on_pixel: Takes the stamp (s), the camera (0 or 1) and the pixel, shape (2,), of a camera whose calibration is known. A TtError
+                that it raises refuses the pixel.
+            on_calibration: Called after a camera has changed.
+        """
+        self.cameras: list[Camera] = list(wide_pair())
+        self._poses = [declare(node, CameraPose.of(camera), f"{name}.") for name, camera in zip(WIDE_SIDES, self.cameras, strict=True)]
+        self._infos: list[CameraInfo | None] = [None, None]
+        self._on_pixel, self._on_calibration = on_pixel, on_calibration
+        self._bad_infos, self._bad_pixels = Refusals(status, "camera_info of a wide camera"), Refusals(status, "pixel")
+        self.inputs = list[Input]()
+        for side, name in enumerate(WIDE_SIDES):
+            info, pixel = f"camera/{name}/camera_info", f"camera/{name}/ball"
+            take_info, take_pixel = partial(self._take_info, side), partial(self._take_pixel, side)
+            self.inputs.append(Input(node, CameraInfo, info, take_info, LATCHED, largest=LARGEST_INFO, refused=self._bad_infos))
+            self.inputs.append(Input(node, PointStamped, pixel, take_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self._bad_pixels))
+
+    def _take_info(self, side: int, message: CameraInfo) -> None:
+        """Take the calibration of a camera, unless it is the same as before."""
+        message.header = CameraInfo().header  # drivers repeat a calibration with other stamps
+        if message == self._infos[side]:
+            return
+        try:
+            width, height, matrix, distortion = camera_from_message(message)
+            old = self.cameras[side]
+            camera = Camera.from_matrix(old.rotation, old.translation, matrix, width, height, distortion, old.pixel_size)
+            self.cameras[side], self._infos[side] = self._poses[side].placed(camera), message
+        except TtError as error:
+            self._bad_infos(error)
+            return
+        self._on_calibration()
+
+    def _take_pixel(self, side: int, message: PointStamped) -> None:
+        """Pass a pixel to the node; drop it while the calibration of its camera has not arrived."""
+        if self._infos[side] is None:
+            return
+        try:
+            stamp, pixel = pixel_from_message(message)
+            self._on_pixel(stamp, side, pixel)
+        except TtError as error:
+            self._bad_pixels(error)
