@@ -240,6 +240,13 @@ def test_a_node_that_hangs_while_it_is_destroyed_ends_by_the_signal(start, probe
     assert node.wait(timeout=120) == -signal.SIGTERM
 
 
+def test_a_node_that_hangs_after_it_refused_its_parameters_ends_by_the_signal(start, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    node = start("hanging_start")
+    assert node.wait(timeout=120) == -signal.SIGTERM
+    assert "no such parameter" in node.stderr.read()
+
+
 @pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="takes root and setpriv to give up the permission")
 def test_a_node_without_permission_for_its_priority_says_so_and_runs(ros, probe, until, tmp_path):
     printed = tmp_path / "printed.txt"

@@ -30,8 +30,9 @@ from tt_vision.warm import warm as warm_vision
 from tt_vision.warm import warm_tracker
 
 
-def images() -> None:
-    """What makes and what measures images: nearly half of all."""
+def vision() -> None:
+    """What follows balls, what makes images and what measures them: half of all."""
+    warm_tracker(wide_pair())
     cameras, (ball, orientation) = high_speed_pair(), _launched()
     next(camera_sequence(ball, orientation, cameras, Scene(), Physics.liu(), np.random.default_rng(0)))
     warm_vision(cameras)
@@ -51,12 +52,11 @@ def main() -> None:
     physics, (ball, _) = Physics.liu(), _launched()
     _tell("flight and rebounds")
     path = flights(ball, physics)
-    beside = multiprocessing.get_context("spawn").Process(target=images)
+    beside = multiprocessing.get_context("spawn").Process(target=vision)
     beside.start()
-    _tell("images and measurement beside: prediction")
+    _tell("cameras and tracker beside: prediction")
     uncertainty(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
-    warm_tracker(wide_pair())
     _tell("strokes")
     goal = default_goal(ball.spin, GoalParams())
     intercept(path, goal, physics, InterceptParams())

@@ -31,7 +31,7 @@ from .params import changed_parameters
 from .presence import Presence
 
 THREADS = 1.0  # s for the threads of a node to end after its context
-ENDING = 2.0  # s for a process to end after its node was closed
+ENDING = 2.0  # s for a process to end after its node was closed, or was not made
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
@@ -47,8 +47,9 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     of the node ends it after `close`, with one line and exit code 1; the traceback is told on the log level DEBUG. Threads must end with
     the context; errors of a context that has ended are not told.
 
-    After `close` the process has 2 s to end: sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the
-    global interpreter lock (GIL). Then the process is ended by the signal that it had received, or by SIGTERM.
+    After `close`, or when `make` has failed, the process has 2 s to end: sometimes Fast DDS deadlocks while its entities are destroyed
+    (its issue 6502), and holds the global interpreter lock (GIL). Then the process is ended by the signal that it had received, or by
+    SIGTERM.
 
     Args:
         make: Returns the node.
@@ -65,6 +66,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         raise SystemExit(2) from None
     node = _made(make)
     if node is None:
+        end_by_signal(signal.SIGTERM, ENDING)
         gc.collect()  # what there is of the node goes, with the threads of its participant
         rclpy.try_shutdown()
         raise SystemExit(2)

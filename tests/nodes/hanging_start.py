@@ -1,0 +1,23 @@
+"""A node that refuses its parameters, and blocks forever while it is destroyed with the global interpreter lock (GIL) held."""
+
+import ctypes
+
+from rclpy.node import Node
+from tt_core.errors import TtError
+from tt_core.ros.node_main import run
+
+
+class HangingStart(Node):
+    """Is destroyed with what it holds, `itself`."""
+
+    def __init__(self) -> None:
+        super().__init__("hanging_start")
+        self.itself = self
+        raise TtError("no such parameter")
+
+    def __del__(self) -> None:
+        ctypes.PyDLL(None).sleep(1000)
+
+
+def main() -> None:
+    run(HangingStart)
