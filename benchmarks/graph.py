@@ -29,6 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
+from tt_core.priority import CONTROL, set_thread_realtime
 from tt_core.ros.convert import seconds
 from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import RELIABLE, TRUTH
@@ -270,6 +271,7 @@ class Graph:
         shutil.rmtree("bags", ignore_errors=True)
 
     def _spin(self, executor: EventsExecutor) -> None:
+        set_thread_realtime(CONTROL.realtime)  # what is relayed would come late on a busy machine, and the arm would brake
         try:
             while not self._over.done():
                 executor.spin_until_future_complete(self._over, 3600.0)

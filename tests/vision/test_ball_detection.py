@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tt_core.errors import BadShape, TtError
-from tt_vision.detection.ball_detection import DetectionReason, NoWholeBall, ball_centre, find_ball
+from tt_vision.detection.ball_detection import FAR_REACH, NEAR_REACH, DetectionReason, NoWholeBall, ball_centre, find_ball, fit_outline
 from tt_vision.spin.dissertation import centre_by_four_points, four_points
 
 
@@ -84,6 +84,17 @@ def test_a_lamp_elsewhere_in_view_does_not_matter():
     image = disc(120.4, 110.2)
     image[20:40, 30:45] = 220
     assert ball_centre(image) == pytest.approx([120.4, 110.2], abs=0.04)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_an_outline_that_is_no_circle_gives_none(seed):
+    """A straight edge through the middle; the circle fitted to it had a radius of up to 5,000 pixels, and as much was cut out."""
+    rng = np.random.default_rng(seed)
+    v, u = np.mgrid[:120, :120] - 60.0
+    angle, start = rng.uniform(0.0, 6.3), np.array([60.0, 60.0, rng.uniform(12.0, 25.0)])
+    image = np.where(u * np.cos(angle) + v * np.sin(angle) > rng.uniform(-15.0, 15.0), 50, 20).astype(np.uint8)
+    fit_outline(image, circle := start.copy(), 30.0, True)
+    assert np.abs(circle - start).max() <= FAR_REACH * start[2] + NEAR_REACH
 
 
 def test_bad_images_say_what_they_are():

@@ -25,7 +25,7 @@ from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst, Image
 from .detection.ball_detection import DetectionReason, detect_balls, first_reason, whole_balls
 from .detection.illumination import CalibratedLamps
 from .first_look import FirstEstimate, look_at
-from .motion_fit import BallMotion, motion_doubt, refit_motion
+from .motion_fit import BallMotion, MotionReason, motion_doubt, refit_motion
 from .spin.dissertation import method_1, method_2
 from .spin.distance_refinement import refine_distance
 from .spin.estimate import SpinEstimate, SpinReason, estimate_from
@@ -38,6 +38,7 @@ from .spin.registration import (
     register_again,
     register_marks,
     register_residual,
+    with_near_rivals,
 )
 from .spin.relighting import relight
 from .spin.soft_surface import softened
@@ -246,7 +247,7 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
     if motion is None or found is None or light is None or soft is None:
         reason: Failure = first.reason  # type: ignore[assignment]
         return _Estimate(motion, None if motion is None else SpinEstimate.refused(reason), reason)
-    surface, cameras = cut_surface(burst, motion, light), len(burst.cameras)
+    surface, cameras, is_refined = cut_surface(burst, motion, light), len(burst.cameras), False
     shown = 4.0 * soft.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64)  # pixels of the full resolution
     if search.second_look and not found.agrees and found.residual < HOPELESS:
         refined = _refine(burst, motion, surface, register_marks(soft, found, search), shown, search)
@@ -263,24 +264,33 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
         if isinstance(refined, Failure):
             return _Estimate(motion, None, refined)
         motion, surface, found = refined
+        is_refined = motion is not first.motion
         if cameras == 1:
             motion, surface, found = refine_distance(burst, motion, surface, found, search)
     else:
-        found = register_again(surface.lit_by(light), found, search)
-    spin = estimate_from(found, cameras=cameras, is_refined=search.second_look, is_light_calibrated=light.is_calibrated)
+        surface = surface.lit_by(light)
+        found = register_again(surface, found, search)
+    found = with_near_rivals(surface, found)
+    if not found.is_believed:
+        spin = SpinEstimate.not_believed(found)
+        return _Estimate(motion, spin, spin.reason)
+    spin = estimate_from(found, cameras=cameras, is_refined=is_refined, is_light_calibrated=light.is_calibrated)
     return _Estimate(motion, spin, None)
 
 
 def _refine(
     burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, shown: Array, search: SearchParams
 ) -> tuple[BallMotion, SurfaceMap, Registration] | Failure:
-    """Fit light, outlines, motion and spin again with the marks of a registration. shown: See `relight`."""
+    """Fit light, outlines, motion and spin again with the marks of a registration. shown: See `relight`.
+
+    Where the outlines are too blurred to be found again, the motion stays as it is.
+    """
     relit = relight(surface, found, shown)
     found = register_again(relit, found, search, ROUGH_STEP)
     points = limb_outlines(burst, relit, found)
     refitted = refit_motion(motion, points, burst, relit.illumination.is_calibrated)
     if isinstance(refitted, Failure):
-        return refitted
+        return (motion, relit, found) if refitted.code is MotionReason.FEW_POINTS else refitted
     moved = relit.moved_to(refitted, burst)
     return refitted, moved, register_again(moved, found, search)
 

@@ -167,9 +167,11 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
 def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -> np.ndarray:
     """Fit a circle to the ball's outline in an image, and return the outline points (n,) OUTLINE_POINT close to it.
 
+    There are no points if the fitted circle leaves the ring in which they were found, as where they lie on no circle.
+
     Args:
         image: (h, w) uint8 or uint16.
-        circle: (3,) u, v and radius, pixels; it takes the result, unless there are too few points.
+        circle: (3,) u, v and radius, pixels; it takes the result, unless there are too few points or none.
         contrast: Grey levels between the background and the brightest part of the ball.
         free: Whether the radius is fitted.
     """
@@ -177,7 +179,11 @@ def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -
         points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast, step)
         if len(points) < LEAST_POINTS // step:
             break
-        _fit_circle(points, circle, free)
+        fitted = circle.copy()
+        _fit_circle(points, fitted, free)
+        if not np.abs(fitted - circle).max() <= reach:
+            return points[:0]
+        circle[:] = fitted
     return points
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from tt_core.failures import Failure
 from tt_core.states import Array
 
-from .registration import GATE, Registration
+from .registration import GATE, LEAST_DISTINCTNESS, Registration
 
 NOISE_FLOOR = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
 CORRELATED = 1.5  # neighbouring points share pixels: the least squares counts each pixel that often
@@ -24,6 +24,7 @@ class SpinReason(Enum):
     NO_MARKS = "no marks on the ball"
     NO_AGREEMENT = "marks do not agree between frames (residual {residual:.2f})"
     AMBIGUOUS = "{count} spins fit the marks alike: {speeds} rad/s"
+    INDISTINCT = "marks too few or too faint: they fit other spins nearly as well (distinctness {distinctness:.1f}, {bound:.1f} needed)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,10 @@ class SpinEstimate:
         """Return that a registration is no estimate, and why."""
         if not found.agrees:
             return cls.refused(Failure(SpinReason.NO_AGREEMENT, residual=found.residual, bound=GATE), found.residual, found.candidates)
+        if not found.is_distinct:
+            bound = LEAST_DISTINCTNESS * found.residual
+            reason = Failure(SpinReason.INDISTINCT, distinctness=found.distinctness, bound=bound)
+            return cls.refused(reason, found.residual, found.candidates)
         spins = np.array([found.spin, *found.alternatives])
         speeds = ", ".join(f"{speed:.0f}" for speed in np.linalg.norm(spins, axis=1))
         refused = cls.refused(Failure(SpinReason.AMBIGUOUS, count=len(spins), speeds=speeds), found.residual, found.candidates)
