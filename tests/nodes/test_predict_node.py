@@ -52,11 +52,11 @@ def test_identified_coefficients_are_taken_and_the_covariance_is_told(start, pro
     until(lambda: (got and any("covariance" in values for *_, values in statuses)) or out.publish(ball_to_message(ball)), probe)
     physics = Physics(air=type(Physics.liu().air)(drag=0.4))
     assert path_from_message(got[0]).end.vector == pytest.approx(rollout(BALL, physics, StopRule.at_x(-0.2)).end.vector, abs=1e-6)
-    values = next(values for *_, values in statuses if "covariance" in values)
     wanted = uncertainty(ball, physics, StopRule.at_x(-0.2)).covariance
-    # four digits are told
-    assert np.array(json.loads(values["covariance"])) == pytest.approx(wanted, rel=1e-3, abs=1e-9 * np.abs(wanted).max())
-    assert float(values["sigma_time_ms"]) == pytest.approx(1e3 * np.sqrt(wanted[0, 0]), abs=0.01)
+    for values in (values for *_, values in statuses if "covariance" in values):
+        # four digits are told
+        assert np.array(json.loads(values["covariance"])) == pytest.approx(wanted, rel=1e-3, abs=1e-9 * np.abs(wanted).max())
+        assert float(values["sigma_time_ms"]) == pytest.approx(1e3 * np.sqrt(wanted[0, 0]), abs=0.01)
 
 
 def state(**fields):
@@ -174,7 +174,7 @@ def test_a_first_estimate_has_a_path_and_what_replaces_it_another(start, probe, 
     rough = BallState(BALL.time, BALL.position, BALL.velocity + [0.05, 0.0, 0.0], BALL.spin)
 
     def is_answered(publisher, ball):
-        if any(path_from_message(path).velocities[0] == pytest.approx(ball.velocity, abs=1e-9) for path in got):
+        if got and path_from_message(got[-1]).velocities[0] == pytest.approx(ball.velocity, abs=1e-9):
             return True
         publisher.publish(ball_to_message(ball))  # again, as the path is lost if the node does not know yet who listens
         return False

@@ -87,7 +87,7 @@ def test_a_lamp_elsewhere_in_view_does_not_matter():
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_an_outline_that_is_no_circle_gives_none(seed):
+def test_a_fitted_circle_stays_in_the_ring_that_was_scanned(seed):
     """A straight edge through the middle; the circle fitted to it had a radius of up to 5,000 pixels, and as much was cut out."""
     rng = np.random.default_rng(seed)
     v, u = np.mgrid[:120, :120] - 60.0

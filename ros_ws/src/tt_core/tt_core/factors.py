@@ -10,7 +10,7 @@ from .arrays import Array
 from .physics import Physics
 
 FACTORS = ("drag", "lift", "restitution", "friction", "grip", "rubber_restitution", "rubber_grip")
-OF_BALL = 5  # the first so many of FACTORS: a flight with a bounce on the table shows them; the others need a contact with the racket
+OF_BALL = 5  # the first five FACTORS can be learnt from a flight with a bounce on the table, the others only from a contact with the racket
 MOST_TANGENTIAL = 0.79  # above 0.8 a shell would come back from the rubber faster than it slipped
 FARTHEST = math.log(2.0)  # of the logarithms: no ball has twice the drag of another one
 MOST_OF_TABLE = 2.0  # friction and grip, upper ends of their ranges

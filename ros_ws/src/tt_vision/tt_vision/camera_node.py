@@ -155,7 +155,7 @@ class CameraNode(Node):
             signal.raise_signal(signal.SIGTERM)
 
     def wait(self) -> bool:
-        """Wait until nodes subscribe to images and calibrations of both cameras, and to the images reliably.
+        """Wait until other nodes subscribe to the images and the calibrations of both cameras, with reliable subscriptions to the images.
 
         Returns:
             False if they have not come within the parameter `wait`.

@@ -139,9 +139,7 @@ def first_measurement(burst: Burst, first: FirstEstimate, air: Aerodynamics = AI
     if motion is not None and found is not None:
         calibrated = first.light is not None and first.light.is_calibrated
         cameras = len(burst.cameras)
-        spin = SpinEstimate.not_believed(found)
-        if found.is_believed:
-            spin = estimate_from(found, cameras=cameras, is_refined=False, is_light_calibrated=calibrated)
+        spin = estimate_from(found, cameras=cameras, is_refined=False, is_light_calibrated=calibrated)
         reason = reason or spin.reason
     if motion is None or spin is None or reason:
         return Measurement(None, reason, len(burst), {}, motion, spin)
@@ -271,11 +269,8 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
         surface = surface.lit_by(light)
         found = register_again(surface, found, search)
     found = with_near_rivals(surface, found)
-    if not found.is_believed:
-        spin = SpinEstimate.not_believed(found)
-        return _Estimate(motion, spin, spin.reason)
     spin = estimate_from(found, cameras=cameras, is_refined=is_refined, is_light_calibrated=light.is_calibrated)
-    return _Estimate(motion, spin, None)
+    return _Estimate(motion, spin, spin.reason)
 
 
 def _refine(

@@ -93,7 +93,7 @@ class TrackNode(Node):
 
     def on_pixel(self, time: float, side: int, pixel: Array) -> None:
         """Take a pixel, and publish the ball when both cameras have told theirs of a frame, or a newer frame begins."""
-        if time > self.frame and self.sides and len(self.sides) < len(WIDE_SIDES):  # the other camera saw nothing
+        if time > self.frame and self.sides and len(self.sides) < len(WIDE_SIDES):  # the other camera did not see the ball in that frame
             self.publish()
         self.tracker.add_pixel(time, side, pixel, self.noise)
         if time > self.frame or time < self.frame - self.params.lag:

@@ -38,7 +38,7 @@ class WideInputs:
     def __init__(
         self, node: Node, status: Status, on_pixel: Callable[[float, int, Array], None], on_calibration: Callable[[], None]
     ) -> None:
-        """Declare the poses and subscribe.
+        """Declare the parameters of the camera poses, and subscribe to the topics.
 
         Args:
             node: The node that subscribes.

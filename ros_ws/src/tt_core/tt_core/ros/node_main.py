@@ -31,7 +31,7 @@ from .params import changed_parameters
 from .presence import Presence
 
 THREADS = 1.0  # s for the threads of a node to end after its context
-ENDING = 2.0  # s for a process to end after its node was closed, or was not made
+ENDING = 2.0  # s that a process may take to end after its node was closed or could not be made
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:

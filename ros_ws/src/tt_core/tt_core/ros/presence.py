@@ -32,7 +32,7 @@ class Presence:
     """
 
     def __init__(self, node: Node) -> None:
-        """Create the timer that checks.
+        """Begin to check, every TICK, whether the node names have to be published again.
 
         Args:
             node: A node that is going to be spun.

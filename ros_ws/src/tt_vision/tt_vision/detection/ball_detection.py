@@ -167,11 +167,11 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
 def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -> np.ndarray:
     """Fit a circle to the ball's outline in an image, and return the outline points (n,) OUTLINE_POINT close to it.
 
-    There are no points if the fitted circle leaves the ring in which they were found, as where they lie on no circle.
+    If the fitted circle leaves the ring that was scanned, the points do not lie on a circle, and none are returned.
 
     Args:
         image: (h, w) uint8 or uint16.
-        circle: (3,) u, v and radius, pixels; it takes the result, unless there are too few points or none.
+        circle: (3,) u, v and radius, pixels; it takes the result, unless there are too few points.
         contrast: Grey levels between the background and the brightest part of the ball.
         free: Whether the radius is fitted.
     """

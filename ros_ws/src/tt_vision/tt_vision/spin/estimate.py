@@ -75,12 +75,16 @@ class SpinEstimate:
 def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool) -> SpinEstimate:
     """Return a registration's spin with its covariance: that of the least squares, and what noise does not explain.
 
+    Without an estimate, but with the reason, if the registration is not believed.
+
     Args:
         found: The last registration of a burst.
         cameras: Number of cameras.
         is_refined: Whether outlines were found again with the marks known.
         is_light_calibrated: Whether the lamps are calibrated.
     """
+    if not found.is_believed:
+        return SpinEstimate.not_believed(found)
     factor = (NOT_REFINED if not is_refined else CALIBRATED_LIGHT if is_light_calibrated else 1.0) * (ONE_CAMERA if cameras == 1 else 1.0)
     floor = factor * np.hypot(NOISE_FLOOR[0], NOISE_FLOOR[1] * np.linalg.norm(found.spin))
     covariance = CORRELATED * np.linalg.inv(found.information) + floor**2 * np.eye(3)

@@ -43,14 +43,15 @@ FIRST_POINTS = 800  # on the sphere, in the refinement on all images at half the
 GATE = 0.12  # residual above which a registration is not believed
 RIVAL_SHARE = 0.3  # of a rival's residual, above which a registration is not told from the rival
 
-NEAR = 0.1, 0.2  # rad a frame from a spin, where the refinements of its near rivals begin
+NEAR = 0.1, 0.2  # rad a frame: how far from the spin found the refinements of near rivals start
 SAME_NEAR = 0.015  # rad a frame within which two refinements have found the same spin; 130 rpm at 900 frames a second
-NEAR_RATIO = 1.5  # of the squared errors of a near rival and the spin, below which they are not told apart
-LEAST_DISTINCTNESS = 50.0  # times the residual; below it were 6 of 7 spins that were wrong by 300 to 500 rpm, blurred or with few marks,
-# one in ten that were as blurred and right, and none of 80 with many marks
-DISTINCT = 30.0  # distinctness from which no near rivals are looked for: 82 bursts that had some had at most 29
-DISTINCT_STEP = 8.0  # the same for the rise of the squared error on a step of NEAR[0] the least distinct way; one in twenty was steeper
-NEAR_POINTS = 400  # on the sphere
+NEAR_RATIO = 1.5  # a near rival fits as well if its squared error is less than so many times that of the spin found
+LEAST_DISTINCTNESS = 50.0  # times the residual, below which a spin is refused. With blur or few marks that refuses 6 of 7 spins that are
+# wrong by 300 to 500 rpm, and a tenth of the right ones; of 80 bursts with many marks it refuses none
+DISTINCT = 30.0  # distinctness above which near rivals are not searched: of 82 bursts with near rivals none had more than 29
+DISTINCT_STEP = 8.0  # times the squared error, to which it rises on a step of NEAR[0] along the direction in which it rises least; with a
+# steeper rise near rivals are not searched either: 1 in 20 of the bursts with near rivals had one
+NEAR_POINTS = 400  # on the sphere, in the search for near rivals
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,8 @@ class Registration:
         candidates: How many rotations were tried.
         marks: (n,) POINT_MARK at `fibonacci(n)` on the ball as it is turned in the middle of the burst.
         alternatives: (m, 3) rad/s, other spins that the images do not rule out.
-        distinctness: By how much the mean squared error of the brightness would rise at least, relative to what it is, on a change of the
-            spin by NEAR[0] rad a frame, by its derivatives; infinite until `with_near_rivals`.
+        distinctness: Rise of the mean squared error of the brightness, divided by that error, if the spin changes by NEAR[0] rad a frame in
+            the direction in which the rise is least; from its derivatives. Infinite until `with_near_rivals` computes it.
     """
 
     spin: Array
@@ -116,7 +117,7 @@ class Registration:
 
     @property
     def is_distinct(self) -> bool:
-        """Whether the marks disagree much more when the spin changes."""
+        """Whether a small change of the spin would make the marks of the images disagree clearly."""
         return self.distinctness >= LEAST_DISTINCTNESS * self.residual
 
     @property
