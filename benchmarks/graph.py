@@ -232,9 +232,9 @@ class Graph:
         for process in launch.processes(packages.launch_file("tt_bringup", "sim.launch.yaml"), arguments):
             remaps = [w for topic, (name, _) in self._through.items() if name == process.name for w in ("-r", f"{topic}:={THROUGH}{topic}")]
             sets = [w for value in (parameters or {}).get(process.name, ()) for w in ("-p", value)]
-            # the first rule that fits is the one that holds
+            # of remappings the first one that fits holds; of parameters the last one, if the first single one comes after the files
             at = process.command.index("--ros-args") + 1
-            command = (*process.command[:at], *remaps, *sets, *process.command[at:])
+            command = (*process.command[:at], *remaps, *process.command[at:], *sets)
             self._processes.append(replace(process, command=(*(prefixes or {}).get(process.name, ()), *command)))
         self.nodes: dict[str, int] = {}
         self.ended: list[tuple[str, int]] = []
