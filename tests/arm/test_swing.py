@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import Reach, adjust, reach
-from tt_arm.swing import AT_REST, LONGEST, PROFILES, SwingFailure, SwingLimits, Task, append_return, plan
+from tt_arm.swing import AT_REST, LONGEST_LEG, PROFILES, SwingFailure, SwingLimits, Task, append_return, plan
 from tt_arm.trajectory.legs import make_leg
 from tt_arm.trajectory.path_check import path_failure
 from tt_arm.trajectory.torque import torque_shares
@@ -114,7 +114,7 @@ def test_an_arm_too_slow_to_return_stops_where_it_is():
     assert q == pytest.approx(start.q, abs=1e-3)
     still = Reach(MODEL.waiting - 0.5, np.zeros(7), 0.0, 0.0, None)
     there = Joints(100.0, still.q, np.zeros(7))
-    assert plan(MODEL, there, still, 101.0, limits).reason == Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST)
+    assert plan(MODEL, there, still, 101.0, limits).reason == Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST_LEG)
 
 
 @pytest.mark.parametrize("racket", printed(100.0), ids=NAMES)

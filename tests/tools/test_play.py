@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_tools.play import Playback, Step, with_clock
+from tt_tools.play import Playback, PlaybackItem, with_clock
 
 MS = 1_000_000  # ns
 times = st.lists(st.integers(0, 200 * MS), max_size=30).map(sorted)
@@ -13,7 +13,7 @@ times = st.lists(st.integers(0, 200 * MS), max_size=30).map(sorted)
 
 @given(times, st.integers(1, 50))
 def test_the_clock_never_runs_behind_a_message(times, period):
-    messages = [Step(time, ("/a", "std_msgs/msg/Empty"), b"x") for time in times]
+    messages = [PlaybackItem(time, ("/a", "std_msgs/msg/Empty"), b"x") for time in times]
     steps = list(with_clock(messages, 0, 200 * MS, period * MS))
     assert [step for step in steps if step.topic] == messages
     ticks = [step.time for step in steps if not step.topic]
@@ -22,7 +22,7 @@ def test_the_clock_never_runs_behind_a_message(times, period):
 
 
 def at(milliseconds, topic=("/a", "std_msgs/msg/Empty")):
-    return Step(milliseconds * MS, topic)
+    return PlaybackItem(milliseconds * MS, topic)
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])

@@ -22,20 +22,20 @@ from .joints import JointLimits, Joints
 from .model import ArmModel
 from .reach import Reach
 from .trajectory.jerk import SAME
-from .trajectory.legs import LONGEST, PROFILES, STEP, Leg, make_leg
+from .trajectory.legs import LONGEST_LEG, PROFILES, STEP, Leg, make_leg
 from .trajectory.limits import SwingFailure, SwingLimits
 from .trajectory.path import Path
 from .trajectory.path_check import path_failure
 from .trajectory.profiles import evaluate
 
-__all__ = ["LONGEST", "PROFILES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
+__all__ = ["LONGEST_LEG", "PROFILES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
 
 AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
 SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
 
 
 class NoStop(TtError):
-    """There is no way to come to rest within LONGEST.
+    """There is no way to come to rest within LONGEST_LEG.
 
     Attributes:
         qdot: (n,) rad/s, at the start.
@@ -44,7 +44,7 @@ class NoStop(TtError):
 
     def __init__(self, qdot: Array, qddot: Array) -> None:
         """Keep the state."""
-        super().__init__(f"there is no way to stop within {LONGEST:g} s from qdot = {qdot}, qddot = {qddot}")
+        super().__init__(f"there is no way to stop within {LONGEST_LEG:g} s from qdot = {qdot}, qddot = {qddot}")
         self.qdot, self.qddot = qdot, qddot
 
 
@@ -218,7 +218,7 @@ def _return_path(task: Task, q: Array, qdot: Array, qddot: Array) -> tuple[Path,
     for softly in (None, SOFT, 1.0):
         path = task.new_path()
         arrives = append_return(path, task, make_leg(q, qdot, qddot, task.model.waiting, np.zeros(len(q))), softly)
-        failure = path_failure(path, task.model, task.limits) if arrives else Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST)
+        failure = path_failure(path, task.model, task.limits) if arrives else Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST_LEG)
         if failure is None:
             break
     return path, failure
@@ -234,7 +234,7 @@ def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> boo
         softly: Duration of a stop on the way, in its least times; None for no stop.
 
     Returns:
-        Whether there is such a way within LONGEST. Where there is none, the path ends with the stop.
+        Whether there is such a way within LONGEST_LEG. Where there is none, the path ends with the stop.
     """
     if softly is not None and (leg["v0"].any() or leg["a0"].any()):
         time, brake = _brake(path, task, leg, softly)
@@ -253,7 +253,7 @@ def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]
     """Return duration (s) and leg of a stop: the first that is possible, which ends halfway between going on and stopping at once."""
     q0, v0, a0 = leg["q0"], leg["v0"], leg["a0"]
     time = float((softly * np.abs(v0) / task.joints.acceleration).max())
-    while time < LONGEST:
+    while time < LONGEST_LEG:
         brake = make_leg(q0, v0, a0, q0 + 0.5 * time * v0, np.zeros(len(q0)))
         if path.is_possible(time, brake):
             return time, brake

@@ -25,7 +25,7 @@ from .table_contacts import meets_edge, meets_net, meets_surface
 Rows = npt.NDArray[np.int64]
 
 MOST_BOUNCES = 16  # then the ball rolls
-LONGEST = 5.0  # s of a path; no ball flies longer
+LONGEST_PATH = 5.0  # s of a path; no ball flies longer
 FARTHEST = 100.0  # m, of each coordinate; no hall is larger
 FASTEST = 1000.0  # m/s, sum over the axes; a ball that is faster comes from a broken state
 LIU_WINDOW_LOW, LIU_WINDOW_HIGH = -0.3, 0.0  # m in x, where the dissertation hits, Section 4.5.1
@@ -192,5 +192,5 @@ def next_contact(ball: BallState, physics: Physics) -> BallState:
         The ball just before the contact.
     """
     rows, bounce_rows = np.empty((512, 10)), np.empty(MOST_BOUNCES, np.int64)
-    n, _, _ = walk_entry(ball.time, ball.vector, int(StopKind.LANDING), 0.0, LONGEST, physics.coefficients, rows, bounce_rows)
+    n, _, _ = walk_entry(ball.time, ball.vector, int(StopKind.LANDING), 0.0, LONGEST_PATH, physics.coefficients, rows, bounce_rows)
     return BallState.from_vector(float(rows[n - 1, TIME]), rows[n - 1, STATE])

@@ -12,9 +12,9 @@ import yaml
 from .errors import BadChoice, NotFinite, TtError
 from .physics import Physics
 
-NODES = ("estimate", "track", "predict", "racket")  # that use the models
+NODES = ("estimate", "track", "predict", "racket", "learn", "markers", "view")  # that use the models; not `sim`, whose models are the truth
 PARTS = ("air", "table", "racket")
-MOST_CHARACTERS = 20_000  # of a text; one has 3,000
+MOST_CHARACTERS = 20_000  # of a text; one has 6,000
 
 
 def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -> str:

@@ -13,7 +13,7 @@ class PathEnd(str, Enum):
     NET = "net"
     EDGE = "edge"  # of the table
     ROLLING = "rolling"  # after MOST_BOUNCES
-    TOO_LONG = "too long"  # after LONGEST seconds
+    TOO_LONG = "too long"  # after LONGEST_PATH seconds
     TOO_FAR = "too far"  # farther than FARTHEST or faster than FASTEST
 
     def __str__(self) -> str:

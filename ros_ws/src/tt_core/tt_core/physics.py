@@ -59,9 +59,11 @@ class Physics:
         return cls(Aerodynamics.liu(), TableRebound.liu(), RacketRebound.liu(), contact_height)
 
     @classmethod
-    def measured(cls, contact_height: float = BALL_RADIUS) -> Physics:
+    def fitted(cls, contact_height: float = BALL_RADIUS) -> Physics:
         """Return the three models that were fitted to real balls and rubbers."""
         return cls(Aerodynamics.measured(), TableRebound.measured(), RacketRebound.measured(), contact_height)
+
+    measured = fitted  # its name as a value of the parameter `physics`
 
     @cached_property
     def coefficients(self) -> Array:

@@ -24,7 +24,7 @@ from .arm_loop import arm_ticks
 
 TICK = 0.002  # s
 STROKES_AT = 0.08  # s after the launch, when the strokes are at the arm: six frames and the latency of the chain
-LONGEST = 4.0  # s, given to the stroke and the way back
+TRIAL_TIME = 4.0  # s, given to the stroke and the way back
 
 
 class TrialFailure(Enum):
@@ -100,7 +100,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)
     start, guarded, selected, rows = Joints.at_rest(0.0, model.waiting), set[str](), None, list[list[float]]()
-    miss, tilt, end = np.nan, np.nan, LONGEST
+    miss, tilt, end = np.nan, np.nan, TRIAL_TIME
     for joints, step in arm_ticks(control, plant, start, TICK, rng):
         if joints.time > 0.0:
             rows.append([*joints.q, *joints.qdot])

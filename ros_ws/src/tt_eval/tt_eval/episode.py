@@ -60,7 +60,7 @@ from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
 from .video_scoring import score_from_video
 
-LONGEST = 4.0  # s, simulated, after which a ball is given up
+EPISODE_TIME = 4.0  # s, simulated, after which a ball is given up
 TEXTURES = 20  # balls that are marked differently
 
 
@@ -401,13 +401,13 @@ Played = tuple[Outcome, "StrokeSelection | None", Array]
 def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
     """Play the ball with the swing in one call; None when the ticks must be played."""
     tick, selection, time = trial.scenario.tick, None, 0.0
-    if plan.candidates is not None and plan.due < LONGEST:
+    if plan.candidates is not None and plan.due < EPISODE_TIME:
         time = tick * np.ceil(plan.due / tick)
         control.joints = Joints.at_rest(time, control.model.waiting)
         control.swing = replace(_rest(control.model), start=control.joints, end_time=time)
         selection = control.take(plan.rackets)
     swing = selection.swing if selection is not None and selection.index is not None else None
-    done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), LONGEST, trial.rng)
+    done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), EPISODE_TIME, trial.rng)
     return None if done is None else (Outcome(trial.ball, done[0]), selection, done[1])
 
 
@@ -449,7 +449,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearne
             while open_plans and plans[open_plans[0]].due <= joints.time:
                 i = open_plans.pop(0)
                 choices[i] = control.take(plans[i].rackets)
-        if joints.time >= trials[-1].ball.time + LONGEST:
+        if joints.time >= trials[-1].ball.time + EPISODE_TIME:
             break
     if eyes is not None:
         eyes.finish()

@@ -24,6 +24,7 @@ from tt_core.arrays import POSITION, STATE, TIME, VELOCITY, Array
 from tt_core.errors import TtError
 from tt_core.events import MOST_BOUNCES, Rows, StopCondition, StopKind, walk
 from tt_core.interpolate import hermite
+from tt_core.learnt_physics import NODES
 from tt_core.physics import Physics, physics_coefficients
 
 from .coefficients import LEAST_SCALE, RANGES, NoFlights, coefficient, with_coefficients
@@ -280,7 +281,6 @@ def write_parameters(found: Identified, base: str, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-NODES = ("estimate", "predict", "racket")  # that use the models
 EPILOG = """The output is a file of ROS parameters for the nodes that use the models. Give it to a launch file beside its own, "ros2 launch
 tt_bringup sim.launch.yaml more_params_file:=identified.yaml", or to one node with "--ros-args --params-file identified.yaml"."""
 

@@ -10,7 +10,7 @@ from numba import njit
 from scipy.optimize import least_squares
 from tt_core.arrays import VZ, Array, X, Y, Z
 from tt_core.errors import BadShape, TtError, check_array, check_choice
-from tt_core.events import LONGEST
+from tt_core.events import LONGEST_PATH
 from tt_core.flight import MAX_STEP, crossing, ease, step
 from tt_core.physics import Physics, physics_coefficients
 from tt_core.states import BallState
@@ -63,7 +63,7 @@ def _land_entry(states: Array, physics: Array, out: Array) -> None:
         now[:] = states[i]
         out[i] = np.nan
         t = 0.0
-        while t < LONGEST:
+        while t < LONGEST_PATH:
             h = MAX_STEP * ease(now, air)
             step(now, h, air, end, work)
             if end[Z] <= contact and end[VZ] < 0.0 and now[Z] > contact:
@@ -100,7 +100,7 @@ def identify_landings(
 
     Raises:
         NoFlights: There is no pair.
-        BadLandings: The numbers of states, landings and times differ, or a bounce is not within LONGEST after its shot.
+        BadLandings: The numbers of states, landings and times differ, or a bounce is not within LONGEST_PATH after its shot.
         BadShape: An array has another shape.
         NotFinite: A number is NaN or infinite.
         BadChoice: A name is not one of a coefficient of the air.
@@ -119,8 +119,8 @@ def identify_landings(
     if not len(seen) == len(durations) == count:
         raise BadLandings(f"{count} states, {len(seen)} landings, {len(durations)} times")
     durations = durations - [ball.time for ball in balls]
-    if not ((durations > 0.0) & (durations < LONGEST)).all():
-        raise BadLandings(f"bounces {durations.min():g} to {durations.max():g} s after their shots, wanted 0 to {LONGEST:g}")
+    if not ((durations > 0.0) & (durations < LONGEST_PATH)).all():
+        raise BadLandings(f"bounces {durations.min():g} to {durations.max():g} s after their shots, wanted 0 to {LONGEST_PATH:g}")
     wanted = np.column_stack([seen[:, :2], durations])
     first = np.array([coefficient(physics, name) for name in names])
     shares = np.array([LANDING_SPREADS.get(name, OTHER_SPREAD) for name in names])

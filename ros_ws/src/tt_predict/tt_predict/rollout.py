@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from tt_core.arrays import POSITION, SPIN, STATE, TIME, VELOCITY, Array
 from tt_core.errors import BadChoice, TtError, check_range
-from tt_core.events import LONGEST, MOST_BOUNCES, ROWS_FULL, StopKind, path_end_of, walk_entry
+from tt_core.events import LONGEST_PATH, MOST_BOUNCES, ROWS_FULL, StopKind, path_end_of, walk_entry
 from tt_core.flight import LEAST_EASE, MAX_STEP
 from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, Bounce
@@ -58,13 +58,15 @@ class StopRule:
         """Return the longest duration in s of a path from the time `start` (s).
 
         Raises:
-            OutOfRange: The stop time is before `start`, or later than LONGEST after it.
+            OutOfRange: The stop time is before `start`, or later than LONGEST_PATH after it.
         """
-        return check_range("stop time after the ball's", self.value - start, 0.0, LONGEST) if self.kind is StopKind.TIME else LONGEST
+        if self.kind is not StopKind.TIME:
+            return LONGEST_PATH
+        return check_range("stop time after the ball's", self.value - start, 0.0, LONGEST_PATH)
 
 
-_MOST_ROWS = math.ceil(LONGEST / (MAX_STEP * LEAST_EASE)) + 2 * MOST_BOUNCES + 8
-_ROWS = {"exact": math.ceil(LONGEST / MAX_STEP) + 2 * MOST_BOUNCES + 8, "liu": math.ceil(LONGEST / LIU_STEP) + MOST_BOUNCES + 8}
+_MOST_ROWS = math.ceil(LONGEST_PATH / (MAX_STEP * LEAST_EASE)) + 2 * MOST_BOUNCES + 8
+_ROWS = {"exact": math.ceil(LONGEST_PATH / MAX_STEP) + 2 * MOST_BOUNCES + 8, "liu": math.ceil(LONGEST_PATH / LIU_STEP) + MOST_BOUNCES + 8}
 _WALKS = {"exact": walk_entry, "liu": walk_stepped_entry}
 
 
@@ -85,7 +87,7 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
     Raises:
         OutOfRange: The stop time is before the ball's time.
         BadChoice: `method` is unknown.
-        TtError: The path has more points than any path of LONGEST seconds.
+        TtError: The path has more points than any path of LONGEST_PATH seconds.
     """
     if method not in _WALKS:
         raise BadChoice("method", method, tuple(_WALKS))

@@ -19,7 +19,7 @@ from tt_core.states import BallState, ReturnGoal
 from .stroke import Stroke, solve
 
 HALVINGS = 5  # of the last step of a search
-SHORTEST, LONGEST = 0.1, 3.0  # s, flight times that are tried
+SHORTEST_FLIGHT, LONGEST_FLIGHT = 0.1, 3.0  # s, flight times that are tried
 DIRECTIONS = 8  # in which other landings are tried
 
 
@@ -130,7 +130,7 @@ def _goal_at(line: _Line, amount: float) -> ReturnGoal | None:
     """Return the goal at an amount along a line, None where the part that changes is out of bounds."""
     vector = line.base + amount / line.length * line.change
     x, y, time, _, _ = vector.tolist()
-    if line.part is GoalPart.TIME and not SHORTEST <= time <= LONGEST:
+    if line.part is GoalPart.TIME and not SHORTEST_FLIGHT <= time <= LONGEST_FLIGHT:
         return None
     if line.part is GoalPart.PLACE and not (NET_X < x < TABLE_LENGTH and 0.0 < y < TABLE_WIDTH):
         return None

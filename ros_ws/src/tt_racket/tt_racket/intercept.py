@@ -17,7 +17,7 @@ from tt_core.physics import Physics
 from tt_core.states import BallPath, BallState, ReturnGoal
 
 from .failures import StrokeFailure
-from .goal_relaxation import SHORTEST, GoalPart, Relaxation, RelaxationParams, Return, relax_goal
+from .goal_relaxation import SHORTEST_FLIGHT, GoalPart, Relaxation, RelaxationParams, Return, relax_goal
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
 
@@ -194,7 +194,7 @@ def with_other_time(balls: Sequence[BallState], goal: ReturnGoal, physics: Physi
 
     They are for an arm that is short of time, so those come first that it most often can make: about EASIEST of the way through the window.
     """
-    time, found = max(SHORTEST, goal.flight_time + params.fallback_time), list[Return]()
+    time, found = max(SHORTEST_FLIGHT, goal.flight_time + params.fallback_time), list[Return]()
     others = (
         (replace(goal, flight_time=time), GoalPart.TIME),
         (ReturnGoal(goal.landing, time, 0.0, 0.0), GoalPart.TIME | GoalPart.SPIN),

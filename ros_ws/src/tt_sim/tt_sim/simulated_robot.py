@@ -14,7 +14,7 @@ from .world.outcome import Outcome
 from .world.plant import Plant
 from .world.true_ball import Contact, RacketMotion, World
 
-LONGEST = 10.0  # s after the launch, when a ball is over wherever it is
+LONGEST_RALLY = 10.0  # s after the launch, when a ball is over wherever it is
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ class SimulatedRobot:
             contacts = world.advance(now, rackets, self.tick)
             outcome.contacts += contacts
             ball = world.ball
-            if outcome.over(ball, now) or now - outcome.launched.time > LONGEST:
+            if outcome.over(ball, now) or now - outcome.launched.time > LONGEST_RALLY:
                 ended.append(outcome)
         self._flights = [flight for flight in self._flights if not any(flight[1] is outcome for outcome in ended)]
         return Tick(self.joints, racket, contacts, ball, tuple(ended))

@@ -17,7 +17,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
-LONGEST = 2.0  # s for all participants to be discovered: one that has just been killed is forgotten after 2 s (config/fastdds.xml)
+DISCOVERY = 2.0  # s for all participants to be discovered: one that has just been killed is forgotten after 2 s (config/fastdds.xml)
 REMOTE = 1.0  # s, at least, where participants of other machines may be: they announce themselves every 0.3 s (config/fastdds.xml)
 QUIET, POLL = 0.1, 0.01  # s without anything new; between two looks
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a node whose name has not arrived yet (rmw_dds_common)
@@ -56,7 +56,7 @@ class Discovery:
         now = time.monotonic()
         if (count := _endpoints(self._node)) != self._seen:
             self._seen, self._since = count, now
-        if now > self._begin + LONGEST:
+        if now > self._begin + DISCOVERY:
             return True
         quiet = now > self._since + QUIET and now > self._begin + self._least
         return quiet and _known_participants(self._node) >= ports(self._node.context.get_domain_id())
@@ -70,8 +70,8 @@ def discover(node: Node) -> None:
 
 
 def appears(condition: Callable[[], bool]) -> bool:
-    """Return whether a condition holds within LONGEST: a busy machine may be late with what the graph has."""
-    end = time.monotonic() + LONGEST
+    """Return whether a condition holds within DISCOVERY: a busy machine may be late with what the graph has."""
+    end = time.monotonic() + DISCOVERY
     while not condition():
         if time.monotonic() > end:
             return False

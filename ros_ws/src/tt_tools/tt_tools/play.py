@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 
-class Step(NamedTuple):
+class PlaybackItem(NamedTuple):
     """A recorded message, or a tick of the clock.
 
     Attributes:
@@ -21,7 +21,7 @@ class Step(NamedTuple):
     data: bytes = b""
 
 
-def with_clock(messages: Iterable[Step], start: int, stop: int, period: int) -> Iterator[Step]:
+def with_clock(messages: Iterable[PlaybackItem], start: int, stop: int, period: int) -> Iterator[PlaybackItem]:
     """Yield messages, and a tick of the clock every `period` from `start` to `stop` (all in ns).
 
     A tick comes before a message of the same time.
@@ -29,11 +29,11 @@ def with_clock(messages: Iterable[Step], start: int, stop: int, period: int) -> 
     tick = start
     for step in messages:
         while tick <= step.time:
-            yield Step(tick)
+            yield PlaybackItem(tick)
             tick += period
         yield step
     while tick <= stop:
-        yield Step(tick)
+        yield PlaybackItem(tick)
         tick += period
 
 
@@ -85,14 +85,14 @@ class Playback:
     def _at(self, now: float) -> int:
         return self._position if self._paused else self._position + round((now - self._since) * self._rate * 1e9)
 
-    def wait(self, step: Step, now: float) -> float:
+    def wait(self, step: PlaybackItem, now: float) -> float:
         """Return how long until a step is due, s; infinite while playback is paused, 0 for one that is late."""
         with self._lock:
             if self._paused:
                 return 0.0 if self._singles else math.inf
             return max(0.0, (step.time - self._at(now)) * 1e-9 / self._rate)
 
-    def done(self, step: Step) -> None:
+    def done(self, step: PlaybackItem) -> None:
         """Record that a step was played. While paused, it moves the position and uses up one message that `play_next` asked for."""
         with self._lock:
             if self._paused:

@@ -36,7 +36,7 @@ from tt_core.ros.params import declare
 from .graph import Discovery
 from .keys import HELP, attached, keyboard, read_key
 from .packages import NotFound, interface
-from .play import Playback, Step, with_clock
+from .play import Playback, PlaybackItem, with_clock
 
 DEPTH = 1000  # messages that a slow subscriber may be behind
 POLL = 0.05  # s between two looks for subscribers
@@ -326,15 +326,15 @@ class PlayNode(Node):
         self._interrupts.sleep(params.linger)
         return count
 
-    def _steps(self, bag: Bag, start: int) -> Iterator[Step]:
+    def _steps(self, bag: Bag, start: int) -> Iterator[PlaybackItem]:
         """Return what is played from `start`, ns, on."""
         topics = {name for name, _ in self._outputs} or {""}
-        steps: Iterator[Step] = (Step(m.time, (m.topic, m.kind), m.data) for m in bag.messages(topics, start, self._stop))
+        steps: Iterator[PlaybackItem] = (PlaybackItem(m.time, (m.topic, m.kind), m.data) for m in bag.messages(topics, start, self._stop))
         if self._ticks is None:
             return steps
         return with_clock(steps, start, self._stop, round(self._playback.rate / self.params.clock * 1e9))
 
-    def _sleep_until(self, step: Step, moves: int, keyboard: int | None) -> bool:
+    def _sleep_until(self, step: PlaybackItem, moves: int, keyboard: int | None) -> bool:
         """Sleep until a step is due. Return False if playback was moved to another place meanwhile."""
         while self._playback.moves == moves:
             now = time.monotonic()

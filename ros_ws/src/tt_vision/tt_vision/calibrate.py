@@ -23,7 +23,7 @@ from tt_core.errors import TtError
 from tt_core.states import Array
 
 from .camera import Camera, calibrate
-from .rig import PIXEL_SIZE
+from .rig import PIXEL_SIZE, WIDE_SIDES
 
 CAMERAS = "cameras.yaml"  # parameters of both cameras
 ENLARGED = 50.0  # times, the residuals in the picture
@@ -131,20 +131,24 @@ def intrinsics(camera: Camera, name: str) -> dict:
 
 
 def pose(camera: Camera, name: str) -> dict:
-    """Return the parameters of estimate_node that hold the pose of a camera of that name."""
+    """Return the parameters that hold the pose of a camera of that name, for the nodes that use this camera."""
     values = {f"{name}.rotation": camera.rotation.ravel().tolist(), f"{name}.translation": camera.translation.tolist()}
-    return {"/**/estimate": {"ros__parameters": values}}
+    nodes = ("track", "learn") if name in WIDE_SIDES else ("estimate",)
+    return {f"/**/{node}": {"ros__parameters": dict(values)} for node in nodes}
 
 
 def with_camera(content: dict, camera: Camera, name: str) -> dict:
-    """Return the content of a parameter file with the intrinsics and the pose of a camera of that name set.
+    """Return the content of a parameter file with the pose of a camera of that name set, and the intrinsics that camera_node publishes.
+
+    The node that drives a wide camera publishes its intrinsics.
 
     Raises:
         TtError: `content` is that of no parameter file.
     """
     inner = {f"{name}.matrix": camera.matrix.ravel().tolist(), f"{name}.distortion": np.asarray(camera.distortion).tolist()}
+    published = {} if name in WIDE_SIDES else {"/**/camera": {"ros__parameters": inner}}
     try:
-        for node, entry in {"/**/camera": {"ros__parameters": inner}, **pose(camera, name)}.items():
+        for node, entry in {**published, **pose(camera, name)}.items():
             content.setdefault(node, {}).setdefault("ros__parameters", {}).update(entry["ros__parameters"])
     except (AttributeError, TypeError) as error:
         raise TtError(f"no parameter file: {error}") from error
@@ -176,7 +180,7 @@ def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--name", default="left", help="name of the camera and of the files (default left)")
+    parser.add_argument("--name", default="left", help="name of the camera and of the files: left, right, wide_left or wide_right (default left)")
     parser.add_argument("--out", type=Path, default=Path(), help="directory of the files (default here)")
     parser.add_argument("--pixel-size", type=float, default=PIXEL_SIZE, help="size of a pixel, m (default 20e-6)")
     parser.add_argument("--distortion", action="store_true", help="estimate k1 and k2")

@@ -33,7 +33,7 @@ from .profiles import (
 PROFILES = ("auto", "quintic", "trapezoid", "polyline", "ruckig")
 AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
 STEP = 1e-3  # s, of the search for the shortest leg
-SHORTEST, LONGEST = 1e-6, 10.0  # s, legs that are tried
+SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, legs that are tried
 HALVINGS = 20  # of STEP, to 1e-9 s
 
 
@@ -93,8 +93,8 @@ def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bo
 
 @njit(cache=True, nogil=True)
 def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> float:
-    """Return the shortest duration (s) of a leg, at least `time`, that keeps the limits in all joints; inf if none below LONGEST does."""
-    time = max(time, SHORTEST)
+    """Return the shortest duration (s) of a leg, at least `time`, that keeps the limits in all joints; inf if it exceeds LONGEST_LEG."""
+    time = max(time, SHORTEST_LEG)
     for i in range(len(leg)):
         ends, bounds = _ends(leg, i), _bounds(limits, i)
         time = max(time, least_time(ends.q1 - ends.q0, ends.v0, ends.v1, bounds.speed, bounds.acceleration))
@@ -102,7 +102,7 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
         return time
     while not leg_is_possible(time + STEP, leg, limits, kind):
         time += STEP
-        if not time <= LONGEST:  # also where it is NaN
+        if not time <= LONGEST_LEG:  # also where it is NaN
             return np.inf
     low, high = time, time + STEP
     for _ in range(HALVINGS):

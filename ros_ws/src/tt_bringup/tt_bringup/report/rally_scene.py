@@ -12,7 +12,7 @@ from .arm_pose import ArmPose
 from .run_record import BallRecord
 
 STEP = 0.02  # s
-LONGEST = 4.0  # s that are played
+SCENE_TIME = 4.0  # s that are played
 RIM = 24  # points of the racket's rim
 DIGITS = 3  # after the point of lengths in m that the page holds
 
@@ -25,7 +25,7 @@ def rally_scene(ball: BallRecord, arm: ArmPose | None) -> dict[str, Any]:
         which is the launch. `true`, `predicted`: lines (n, 3) m. `asked`, `landed`: places (3,) m, or None. One entry for each step:
         `ball`: (3,) m, or None; `arm`: line (n, 3) m; `racket`: rim (RIM, 3) m.
     """
-    times = np.arange(ball.start, min(ball.end, ball.start + LONGEST), STEP)
+    times = np.arange(ball.start, min(ball.end, ball.start + SCENE_TIME), STEP)
     scene: dict[str, Any] = {
         "table": [TABLE_LENGTH, TABLE_WIDTH, NET_X, NET_HEIGHT, NET_OVERHANG],
         "step": STEP,

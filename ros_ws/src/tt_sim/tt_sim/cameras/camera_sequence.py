@@ -17,7 +17,7 @@ from tt_vision.rig import EXPOSURE, FRAME_RATE
 
 from ..render import Image, Scene, render
 
-LONGEST = 0.2  # s after the launch in which a frame may show the ball
+IN_VIEW = 0.2  # s after the launch in which a frame may show the ball
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +86,7 @@ def camera_sequence(
         Frame by frame.
     """
     seen = False
-    for i in range(1, math.ceil(LONGEST * frame_rate)):
+    for i in range(1, math.ceil(IN_VIEW * frame_rate)):
         after = i / frame_rate
         now = BallState.from_vector(ball.time + after, fly(ball.vector, after, physics.air.coefficients))
         if not any(in_view(camera, now) for camera in cameras):

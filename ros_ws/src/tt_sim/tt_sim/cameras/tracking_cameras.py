@@ -20,7 +20,7 @@ from tt_vision.rig import WIDE_RATE, wide_pair
 from ..simulated_robot import Tick
 from ..world.outcome import Outcome
 
-LONGEST = 3.0  # s after the launch, that a ball is followed
+FOLLOWED = 3.0  # s after the launch, that a ball is followed
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +191,7 @@ class Sightings:
             rng: Of the faults, and of the time of the first frame: cameras are not synchronized with the launch.
         """
         first, pair = outcome.launched.time + rng.uniform() / WIDE_RATE, TrackingCameraPair(faults, rng)
-        times = np.arange(first, outcome.followed_until(outcome.launched.time + LONGEST), 1.0 / WIDE_RATE)
+        times = np.arange(first, outcome.followed_until(outcome.launched.time + FOLLOWED), 1.0 / WIDE_RATE)
         pixels = pair.pixels(outcome.places(times, air), rng)
         both = np.isfinite(pixels).all(axis=(0, 2))
         return cls(times[both], pixels[:, both])

@@ -11,7 +11,7 @@ import numpy as np
 from tt_core.arrays import POSITION, SPIN, VELOCITY
 from tt_core.constants import BALL_RADIUS, FLOOR_Z
 from tt_core.errors import BadChoice, TtError, check_array, check_range
-from tt_core.events import FARTHEST, FASTEST, LONGEST
+from tt_core.events import FARTHEST, FASTEST, LONGEST_PATH
 from tt_core.factors import scaled
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
@@ -136,7 +136,7 @@ class Tracker:
         kept = int(np.searchsorted(history.measurements.times, ball.time))
         history.drop(kept)
         history.measurements.used[:] = False
-        if len(history) and history.measurements.times[-1] > ball.time + LONGEST:
+        if len(history) and history.measurements.times[-1] > ball.time + LONGEST_PATH:
             history.clear()
         self._outside.clear()
         self._begin(ball.time, ball.vector, covariance + np.diag(LEAST_VARIANCES), np.zeros((3, 3)))
@@ -194,7 +194,7 @@ class Tracker:
             time: s; None for the time of the last measurement that is used. Bounces on the table are on the way; net and racket are not.
 
         Returns:
-            The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST after the last
+            The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST_PATH after the last
             one, and below the floor.
 
         Raises:
@@ -206,7 +206,7 @@ class Tracker:
         if track is None or not self._known:
             return None
         at = max(self._latest, track.prior.time) if time is None else time
-        if not track.prior.time <= at <= max(self._latest, track.prior.time) + LONGEST:
+        if not track.prior.time <= at <= max(self._latest, track.prior.time) + LONGEST_PATH:
             return None
         return self._predict(track, at)
 
