@@ -20,7 +20,7 @@ from rich.table import Table
 from tt_core.errors import TtError
 from tt_core.ros.bags import Bag, Message
 
-QUANTITIES = (  # pattern of the path of a field, what it is, unit
+QUANTITIES = (  # regular expression that the path of a field matches, physical quantity, unit
     (r"covariance", "covariance", ""),
     (r"(pose\.position|translation|point)$", "position", "m"),
     (r"(twist\.linear|velocities\[\]\.linear)$", "velocity", "m/s"),
@@ -37,15 +37,15 @@ BY_KIND = {("sensor_msgs/msg/Image", "data"): ("brightness", "grey levels"), ("s
 
 @dataclass
 class Difference:
-    """How two recordings of one topic differ.
+    """Differences between two recordings of one topic.
 
     Attributes:
         topic: Name of the topic.
-        counts: Messages in each recording.
-        paired: Messages that are in both.
-        unequal: Pairs that differ.
-        largest: Largest difference by quantity, with its unit.
-        other: Fields that differ and are no numbers, or have another length.
+        counts: Number of messages in each of the two recordings.
+        paired: Number of messages that are in both recordings.
+        unequal: Number of these pairs whose messages differ.
+        largest: Largest difference of each physical quantity, by its name and unit.
+        other: Fields that differ and are not numbers, or whose lengths differ.
     """
 
     topic: str
@@ -57,17 +57,22 @@ class Difference:
 
     @property
     def is_equal(self) -> bool:
-        """Whether all messages are there in both and are the same."""
+        """Whether both recordings have the same messages on this topic."""
         return self.counts == (self.paired, self.paired) and not self.unequal
 
     def words(self) -> str:
-        """Return the differences, for people."""
+        """Return the differences as text for people; "" if there are none."""
         parts = [f"{name} {value:.3g} {unit}".rstrip() for (name, unit), value in sorted(self.largest.items())]
         return ", ".join([*parts, *(f"{name} differs" for name in sorted(self.other))])
 
 
 def values(message: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the path and the value of each field; three numbers x, y, z, a quaternion and a time are one value."""
+    """Yield path and value of each field of a message. A vector x, y, z, a quaternion and a time (s) are one value each.
+
+    Args:
+        message: A message, or a part of one.
+        path: Path of this part, e.g. "pose.pose"; "" for a whole message. In paths, [] is the first element of a list, [1] the second.
+    """
     names = [name for name in getattr(message, "__dataclass_fields__", ()) if name != "__msgtype__"]
     if names in (["x", "y", "z"], ["x", "y", "z", "w"]):
         yield path, np.array([getattr(message, name) for name in names])
@@ -84,14 +89,17 @@ def values(message: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def compare(a: Path, b: Path) -> list[Difference]:
-    """Return how two recordings differ, by topic.
+    """Compare two recordings.
 
     Args:
-        a: A bag of any kind.
-        b: A bag of any kind.
+        a: The first recording, a bag of any kind.
+        b: The second recording, a bag of any kind.
+
+    Returns:
+        The differences of each topic that one of the recordings has, sorted by topic.
 
     Raises:
-        BagError: One cannot be read.
+        BagError: A recording cannot be read.
     """
     with Bag(a) as first, Bag(b) as second:
         found = []
@@ -113,7 +121,7 @@ def _topic(topic: str, first: Bag, second: Bag) -> Difference:
 
 
 def _keyed(bag: Bag, topic: str) -> dict[tuple[int, int], Message]:
-    """Return messages by their stamp, ns, and how many of that stamp came before; by their order if they have none."""
+    """Return the messages by stamp (ns; without a header by their number) and by how many messages of that stamp came before."""
     found: dict[tuple[int, int], Message] = {}
     seen: dict[int, itertools.count[int]] = {}
     if topic not in {one.name for one in bag.topics if not one.refusal}:
@@ -126,7 +134,7 @@ def _keyed(bag: Bag, topic: str) -> dict[tuple[int, int], Message]:
 
 
 def _add(difference: Difference, kind: str, left: Any, right: Any) -> bool:
-    """Add the differences of two messages. Return whether there are any; padding is none."""
+    """Add the differences of two messages. Return whether there are any; different padding bytes do not count."""
     one, other, differs = dict(values(left)), dict(values(right)), False
     for path in one.keys() | other.keys():
         if path not in one or path not in other:
@@ -137,7 +145,7 @@ def _add(difference: Difference, kind: str, left: Any, right: Any) -> bool:
         name, unit = quantity(kind, path)
         if isinstance(x, (np.ndarray, int, float)) and isinstance(y, (np.ndarray, int, float)) and np.shape(x) == np.shape(y):
             gap = np.ravel(np.subtract(x, y, dtype=float))
-            size = float(np.linalg.norm(gap) if len(gap) == 3 else np.abs(gap).max(initial=0.0))  # of a vector its length
+            size = float(np.linalg.norm(gap) if len(gap) == 3 else np.abs(gap).max(initial=0.0))  # length of a vector
             if size:
                 differs = True
                 difference.largest[name, unit] = max(size, difference.largest.get((name, unit), 0.0))
@@ -148,7 +156,12 @@ def _add(difference: Difference, kind: str, left: Any, right: Any) -> bool:
 
 
 def quantity(kind: str, path: str) -> tuple[str, str]:
-    """Return what a field of a message of type `kind` is, and its unit."""
+    """Return the physical quantity that a field of a message holds, and its unit; the path and "" if it is not known.
+
+    Args:
+        kind: Message type, e.g. "sensor_msgs/msg/Image".
+        path: Path of the field, as `values` yields it.
+    """
     plain = re.sub(r"\[\d+\]", "[]", path)
     if (kind, plain) in BY_KIND:
         return BY_KIND[kind, plain]
@@ -156,7 +169,7 @@ def quantity(kind: str, path: str) -> tuple[str, str]:
 
 
 def main() -> int:
-    """Run the command line and return the exit code."""
+    """Run the command `ros2 run tt_bringup compare` and return its exit code: 0 equal, 1 different, 2 not readable."""
     parser = argparse.ArgumentParser(prog="compare", description=__doc__)
     parser.add_argument("a", type=Path, help="recording of any kind")
     parser.add_argument("b", type=Path, help="recording of any kind")

@@ -1,6 +1,6 @@
-"""Play the whole robot against the simulated catapult: start the graph, launch balls, print a line for each, record everything.
+"""Let the whole robot play against a simulated ball launcher: start all nodes, launch balls, print a line for each, record everything.
 
-Run by scripts/demo. The demo acts as the operator: it sets the goal of the return, launches, and reads what the nodes tell.
+Run by scripts/demo. The demo acts as the operator: it sets the goal of each return, launches balls, and reads what the nodes publish.
 """
 
 from __future__ import annotations
@@ -45,36 +45,48 @@ from tt_tools.graph import nodes
 from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line, true_ball
 from .report import write_report
 
-READY = 90.0  # s until every node must be there; a cold start loads compiled kernels
-BALL = 10.0  # s, simulated, from a launch to the end of the ball
-LONGEST_REST = 3.0  # s, simulated, from the end of a ball to the next launch
-SERVICE = 10.0  # s for the answer of a service
-ENDING = 30.0  # s for the launch to end its nodes
-PORT = 8080  # of the page of the view, if it is free
+READY = 90.0  # s, longest wait for all nodes; their first start loads compiled kernels
+BALL = 10.0  # s of simulated time, longest wait from a launch to the end of the ball
+LONGEST_REST = 3.0  # s of simulated time, longest wait from the end of a ball to the next launch
+SERVICE = 10.0  # s, longest wait for the answer of a service
+ENDING = 30.0  # s, longest wait for `ros2 launch` to end its nodes
+PORT = 8080  # port of the live view, if it is free
 NODES = {"record", "sim", "estimate", "predict", "racket", "arm", "markers"}
-LINKS = {  # subscribers that each topic must have
+LINKS = {  # number of subscribers that each topic must have before the first launch
     "/camera/left/image_raw": 2,
     "/camera/right/image_raw": 2,
     "/ball/measured": 3,
     "/ball/path": 2,
     "/racket/strokes": 2,
 }
-SPINS = {"top": (0, -1, 0), "back": (0, 1, 0), "left": (0, 0, -1), "right": (0, 0, 1)}  # axis of each kind of shot
+SPINS = {"top": (0, -1, 0), "back": (0, 1, 0), "left": (0, 0, -1), "right": (0, 0, 1)}  # axis of the spin of each kind of shot
 
 
 class Demo(Node):
-    """Collects what the nodes tell about the ball in play."""
+    """Node of the demo: collects what the other nodes publish about the ball in play, and sends the goal of its return.
+
+    Attributes:
+        status: What the simulator reports of the ball when it is over, by key; None before.
+        measured: The last measured ball; None before the first.
+        latency_ms: Latency from the last camera frame to the first joint command, ms; None before this command.
+        refusal: The last warning of a node; None without one.
+        goal: Goal of the return that another node has published; None while there is none.
+        rest: Time at which the arm is back in its waiting posture, s.
+        over: Time at which the last ball was over, s.
+        own: The last goal message that this node has published; None before the first.
+    """
 
     def __init__(self) -> None:
+        """Make the publisher, the clients of the services, and the subscriptions."""
         super().__init__("demo", enable_rosout=False)
         self.status: dict[str, str] | None = None
         self.measured: BallState | None = None
         self.latency_ms: float | None = None
         self.refusal: str | None = None
-        self.goal: ReturnGoal | None = None  # that somebody else has asked for
-        self.rest = 0.0  # s, sim time, when the arm is back
-        self.over = 0.0  # s, sim time, when the last ball was
-        self.own: MultiDOFJointTrajectory | None = None  # the last goal that this node has asked for
+        self.goal: ReturnGoal | None = None
+        self.rest = 0.0
+        self.over = 0.0
+        self.own: MultiDOFJointTrajectory | None = None
         self.asked = self.create_publisher(MultiDOFJointTrajectory, "/return/goal", LATCHED)
         self.launcher = self.create_client(Trigger, "/launcher/launch")
         self.enabler = self.create_client(SetBool, "/arm/enable")
@@ -84,7 +96,7 @@ class Demo(Node):
         self.create_subscription(MultiDOFJointTrajectory, "/return/goal", self.on_goal, RELIABLE)
 
     def forget(self) -> None:
-        """Forget the last ball."""
+        """Forget what was collected about the last ball."""
         self.status, self.measured, self.latency_ms, self.refusal = None, None, None, None
 
     def on_measured(self, message: Odometry) -> None:
@@ -92,7 +104,11 @@ class Demo(Node):
         self.measured = ball_from_message(message)
 
     def ask(self, spin: Array) -> ReturnGoal:
-        """Publish the default goal for a ball of this spin (3,), unless somebody else has asked for one; return what is asked."""
+        """Return the goal of the next return. Publish the default goal first, unless another node has published a goal.
+
+        Args:
+            spin: (3,) direction of the spin of the ball that comes, on which the default goal depends. Its length does not matter.
+        """
         if self.goal is None:
             goal = default_goal(spin, GoalParams())
             self.own = goal_to_message(goal, self.get_clock().now().nanoseconds * 1e-9)
@@ -101,16 +117,16 @@ class Demo(Node):
         return self.goal
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
-        """Keep a goal that somebody else has asked for, as on the page of the view."""
+        """Keep a goal that another node has published, such as the live view."""
         if message != self.own:
             self.goal = goal_from_message(message)
 
     def on_swing(self, message: JointTrajectory) -> None:
-        """Keep the time when the arm is back."""
+        """Keep the time at which a planned swing (the joint motion of a stroke) ends."""
         self.rest = seconds(message.header.stamp) + seconds(message.points[-1].time_from_start)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep the end of the ball, the latency, and the last refusal."""
+        """Keep the report about a ball that is over, the latency of the first joint command, and the last warning."""
         for status in read_status(message):
             if status.event is Event.BALL_OVER:
                 self.status, self.over = status.values, status.time
@@ -122,14 +138,14 @@ class Demo(Node):
 
 @contextmanager
 def graph(arguments: Sequence[str], log: IO[str]) -> Iterator[subprocess.Popen[str]]:
-    """Start the launch file with the `ros2` that is on the PATH, ours or that of ROS; end it afterwards.
+    """Start all nodes by `ros2 launch` for this context, and end them after it. The `ros2` on the PATH is used, or else our own.
 
     Args:
-        arguments: Of the launch file, NAME:=VALUE.
-        log: Takes the output of all nodes.
+        arguments: Arguments of the launch file, NAME:=VALUE.
+        log: File to which the output of all nodes is written.
 
     Yields:
-        The running launch.
+        The process of `ros2 launch`.
     """
     ros2 = [found] if (found := shutil.which("ros2")) else [sys.executable, "-m", "tt_tools.ros2"]
     command = [*launch.GUARD, *ros2, "launch", "tt_bringup", "sim.launch.yaml", *arguments]
@@ -146,15 +162,24 @@ def graph(arguments: Sequence[str], log: IO[str]) -> Iterator[subprocess.Popen[s
 
 
 class Waiter:
-    """Spins the demo's node while it waits."""
+    """Waits for conditions, and spins the node of the demo meanwhile."""
 
     def __init__(self, demo: Demo, running: subprocess.Popen[str]) -> None:
-        """Keep node and launch: a launch that has ended ends the waiting."""
+        """Keep the node of the demo and the process of `ros2 launch`, whose end is an error in `wait`."""
         self._executor, self._running = SingleThreadedExecutor(), running
         self._executor.add_node(demo)
 
     def wait(self, condition: Callable[[], bool], bound: float, what: str) -> None:
-        """Spin until the condition holds. Raises TtError after `bound` (s), or when the launch has ended."""
+        """Spin the node of the demo until a condition holds.
+
+        Args:
+            condition: Function that tells whether it holds.
+            bound: Longest wait, s.
+            what: What is waited for, for the text of an error.
+
+        Raises:
+            TtError: The condition does not hold in time, or `ros2 launch` has ended.
+        """
         end = time.monotonic() + bound
         while not condition():
             if time.monotonic() > end:
@@ -164,7 +189,15 @@ class Waiter:
             self._executor.spin_once(timeout_sec=0.02)
 
     def call(self, client: rclpy.client.Client, request: object) -> str:
-        """Return the message of a service that succeeds. Raises TtError if it refuses or does not answer in time."""
+        """Call a service, and return the `message` of its response.
+
+        Args:
+            client: Client of the service.
+            request: The request.
+
+        Raises:
+            TtError: The service reports no success, or does not answer within SERVICE s.
+        """
         future = client.call_async(request)
         self.wait(future.done, SERVICE, client.srv_name)
         if not future.result().success:
@@ -176,16 +209,16 @@ def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics
     """Launch balls one after another and print a line for each.
 
     Args:
-        demo: Collects what the nodes tell.
-        waiter: Spins it.
-        balls: How many.
-        rtf: Simulated seconds in a second.
+        demo: Node of the demo.
+        waiter: Waits and spins this node.
+        balls: Number of balls.
+        rtf: Real-time factor: simulated seconds per second.
 
     Returns:
         The metrics of each ball.
 
     Raises:
-        TtError: A ball does not end, or the launcher refuses.
+        TtError: A ball does not end in time, or the launcher refuses to launch one.
     """
     scores = []
     for _ in range(balls):
@@ -203,7 +236,7 @@ def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics
 
 
 def summary(scores: list[DemoMetrics]) -> str:
-    """Return the last line: how many balls were hit and landed, and the largest error of the measured spin."""
+    """Return the last line of the output: how many balls were hit and landed, and the largest error of a measured spin."""
     hit, landed = sum(s.hit for s in scores), sum(s.landed for s in scores)
     errors = [s.spin_error_rpm for s in scores if s.spin_error_rpm is not None]
     worst = f"; spin measured within {max(errors):.0f} rpm" if errors else ""
@@ -211,7 +244,7 @@ def summary(scores: list[DemoMetrics]) -> str:
 
 
 def free_domain() -> None:
-    """A domain of our own unless one is set, so that no other graph on this machine is met."""
+    """Set ROS_DOMAIN_ID to a domain that is unused on this machine, and reserve it for this process, unless the variable is set already."""
     if "ROS_DOMAIN_ID" not in os.environ:
         from domain_coordinator import domain_id
 
@@ -221,7 +254,7 @@ def free_domain() -> None:
 
 
 def refuse_neighbours() -> None:
-    """Raise TtError if other nodes are on the domain: their balls and ours would mix."""
+    """Raise TtError if there are other nodes on the ROS domain, because their messages and ours would mix."""
     with graph_of_tools() as node:
         others = nodes(node)
     if others:
@@ -229,7 +262,7 @@ def refuse_neighbours() -> None:
 
 
 def arguments() -> argparse.Namespace:
-    """Read and check the command line."""
+    """Parse and check the command line; an invalid one ends the process with a message. Makes the output folder."""
     parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
     parser.add_argument("--balls", type=int, default=6, metavar="N", help="how many balls (default 6)")
     parser.add_argument("--robot", default=DEFAULT, metavar="ARM", help=f"an arm that comes with it, or an arm file (default {DEFAULT})")
@@ -249,7 +282,7 @@ def arguments() -> argparse.Namespace:
     args.out = args.out or Path("out") / time.strftime("demo_%Y%m%d_%H%M%S")
     if (args.out / "bag").exists():
         parser.error(f"--out {args.out} holds a recording already")
-    try:  # what cannot be written is told before the run, not after it
+    try:  # an output that cannot be written is an error before the run, not after it
         args.out.mkdir(parents=True, exist_ok=True)
         if args.json:
             args.json.touch()
@@ -259,7 +292,7 @@ def arguments() -> argparse.Namespace:
 
 
 def free_port() -> int:
-    """Return PORT if it is free, otherwise another free port of 127.0.0.1."""
+    """Return a free port of 127.0.0.1: PORT if it is free, otherwise any other."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -270,26 +303,35 @@ def free_port() -> int:
 
 
 def stay(waiter: Waiter) -> None:
-    """Keep the graph for the page of the view until Ctrl-C."""
+    """Keep all nodes running until Ctrl-C, so that the live view can be used."""
     with suppress(KeyboardInterrupt):
         print("the page stays until Ctrl-C; its buttons launch balls", flush=True)
         waiter.wait(lambda: False, math.inf, "Ctrl-C")
 
 
 def start(demo: Demo, waiter: Waiter, nodes: set[str]) -> None:
-    """Wait until all nodes are there and hear each other, then enable the arm."""
+    """Wait until all nodes are there and are connected, then enable the arm and wait for its first command.
+
+    Args:
+        demo: Node of the demo.
+        waiter: Waits and spins this node.
+        nodes: Names of all nodes that must be there.
+
+    Raises:
+        TtError: Something does not happen in time, or the arm is not enabled.
+    """
     there = lambda: demo.launcher.service_is_ready() and demo.enabler.service_is_ready()  # noqa: E731
     waiter.wait(lambda: set(demo.get_node_names()) >= nodes and there(), READY, "all nodes")
     waiter.wait(lambda: all(demo.count_subscribers(topic) >= n for topic, n in LINKS.items()), READY, f"subscribers of {', '.join(LINKS)}")
     waiter.call(demo.enabler, SetBool.Request(data=True))
-    commands: list[Float64MultiArray] = []  # a command answers a joint state, so both ways are open
+    commands: list[Float64MultiArray] = []  # a command is the answer to a joint state, so it shows that both ways are connected
     listening = demo.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", commands.append, LATEST)
     waiter.wait(lambda: bool(commands), READY, "a command of the arm")
     demo.destroy_subscription(listening)
 
 
 def main() -> None:
-    """Play the demo and write its recording, page and figures."""
+    """Run the command line: play the demo, and write its recording, its report and, if asked for, its figures as JSON."""
     args = arguments()
     out = args.out.absolute()
     free_domain()

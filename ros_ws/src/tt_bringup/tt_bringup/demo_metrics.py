@@ -1,4 +1,4 @@
-"""One ball's figures: what was true, measured, asked and reached."""
+"""Metrics of one ball of the demo: what was true, measured, asked for and reached."""
 
 from __future__ import annotations
 
@@ -11,33 +11,35 @@ from tt_core.flight import Aerodynamics, fly
 from tt_core.states import BallState, ReturnGoal
 from tt_sim.world.outcome import Result
 
-SEEN_WITHIN = 0.5  # s from the launch to the last frame of its measurement
+SEEN_WITHIN = 0.5  # s, longest time from the launch of a ball to the last camera frame of its measurement
 
 
 @dataclass(frozen=True)
 class DemoMetrics:
-    """What one ball was, what was measured and asked of it, and what it did; None for what did not happen.
+    """Metrics of one ball: its true and its measured state, the return that was asked for, and what it did.
+
+    A value is None if the event that it describes did not happen. Vectors are in the frame `table`.
 
     Attributes:
-        kind: Kind and scale of the shot.
-        seen: Whether it was measured.
-        hit: Whether the racket hit it.
-        landed: Whether it came down on the opponent's half.
-        reason: Why it was not returned.
-        speed_true: m/s, at the time of the measurement.
-        speed_measured: m/s.
-        spin_true: (3,) rad/s, at the time of the measurement.
-        spin_measured: (3,) rad/s.
-        spin_error_rpm: rpm, length of the difference of both.
-        hit_place: (3,) m, centre of the ball at the racket.
-        hit_error_m: m, from the centre of the racket's face.
-        landing_asked: (2,) m.
-        landing_reached: (2,) m.
-        flight_time_asked: s, from racket to landing.
-        time_error_s: s, reached minus asked.
-        return_spin_asked: (2,) rad/s, about y and z.
-        return_spin_reached: (2,) rad/s, about y and z.
-        latency_ms: ms, from the last frame to the first joint command.
+        kind: Kind and scale of the shot, e.g. "top 3".
+        seen: Whether the ball was measured.
+        hit: Whether the racket hit the ball.
+        landed: Whether the ball was returned to the opponent's half.
+        reason: Why the ball was not returned; None if it was.
+        speed_true: True speed at the time of the measurement, m/s.
+        speed_measured: Measured speed, m/s.
+        spin_true: (3,) true spin at the time of the measurement, rad/s; at the launch if that is not known.
+        spin_measured: (3,) measured spin, rad/s.
+        spin_error_rpm: Length of the difference between measured and true spin, rpm.
+        hit_place: (3,) centre of the ball when the racket hit it, m.
+        hit_error_m: Distance of the contact from the centre of the racket's face, m.
+        landing_asked: (2,) x and y of the landing that was asked for, m.
+        landing_reached: (2,) x and y of the landing, m.
+        flight_time_asked: Flight time from racket to landing that was asked for, s.
+        time_error_s: Flight time minus the one that was asked for, s.
+        return_spin_asked: (2,) spin about y and z after the hit that was asked for, rad/s.
+        return_spin_reached: (2,) spin about y and z after the hit, rad/s.
+        latency_ms: Time from the last camera frame to the first joint command, ms.
     """
 
     kind: str
@@ -61,25 +63,31 @@ class DemoMetrics:
     latency_ms: float | None
 
     def as_dict(self) -> dict[str, object]:
-        """Return all of it by name."""
+        """Return all metrics as a dictionary, by the names of the attributes."""
         return asdict(self)
 
 
 def _ball(text: str) -> BallState | None:
-    """Return a ball from its JSON row [time, position, velocity, spin], None from null."""
+    """Return the state of a ball from a JSON row: time (s), position (m), velocity (m/s), spin (rad/s); None from null."""
     row = json.loads(text)
     return BallState.from_vector(row[0], np.array(row[1:])) if row else None
 
 
 def launched_ball(values: dict[str, str]) -> BallState:
-    """Return the ball at its launch, of what the simulator reports of a ball that is over."""
+    """Return the true state of a ball at its launch. values: what the simulator reports on /diagnostics of a ball that is over."""
     ball = _ball(values["launched"])
     assert ball is not None
     return ball
 
 
 def true_ball(values: dict[str, str], time: float, air: Aerodynamics) -> BallState:
-    """Return the true ball at `time`, s, before its first contact, from its launch. values: as launched_ball; air: the true air."""
+    """Return the true state of a ball before its first contact, computed by the model of flight from its launch.
+
+    Args:
+        values: What the simulator reports of the ball on /diagnostics when it is over.
+        time: Time of the state, s.
+        air: Coefficients of the simulated air.
+    """
     launched = launched_ball(values)
     return BallState.from_vector(time, fly(launched.vector, time - launched.time, air.coefficients))
 
@@ -96,15 +104,15 @@ def demo_metrics(
 
     Args:
         values: What the simulator reports of the ball on /diagnostics.
-        goal: What was asked of its return.
-        measured: The last measured ball, which may be of an earlier flight; None without any.
-        latency_ms: ms, from the last frame to the first joint command; None without a command.
-        refusal: The last warning of the robot during the flight, or None.
-        true: The true ball at the time of the measurement; None if nobody knows it.
+        goal: Return that was asked for.
+        measured: The last measured ball. It is ignored if it is of an earlier ball. None if none was measured.
+        latency_ms: Time from the last camera frame to the first joint command, ms; None without a command.
+        refusal: The last warning of a node during the flight; None without one.
+        true: The true ball at the time of the measurement; None if it is not known.
     """
     launched, hit, after, landing = launched_ball(values), *(_ball(values[key]) for key in ("hit", "after_hit", "landing"))
     if measured and not launched.time < measured.time < launched.time + SEEN_WITHIN:
-        measured = true = None  # of an earlier ball
+        measured = true = None  # the measurement is of an earlier ball
     result = Result(values["result"])
     reason = None if result is Result.RETURNED else result.value if measured and not refusal else refusal or "not seen"
     spin_true = (true or launched).spin
@@ -131,7 +139,7 @@ def demo_metrics(
     )
 
 
-COLUMNS = (
+COLUMNS = (  # two lines of heading, and width in characters
     ("ball", "", 7),
     ("speed, m/s", "true meas.", 10),
     ("spin, rpm", "true meas.", 10),
@@ -148,7 +156,13 @@ HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS
 
 
 def line(s: DemoMetrics) -> str:
-    """Return one line under HEADER; what did not happen stays blank, and the reason stands at the end."""
+    """Return the metrics of one ball as a line of text whose columns fit HEADER.
+
+    A cell is blank if its value is None. The reason why the ball was not returned, if there is one, follows the last column.
+
+    Args:
+        s: Metrics of the ball.
+    """
 
     def places(v: list[float] | None, form: str, between: str = " ") -> str:
         return "" if v is None else between.join(format(x + 0.0, form) for x in v)

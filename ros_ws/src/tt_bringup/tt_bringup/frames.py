@@ -1,4 +1,4 @@
-"""Transforms from a URDF and joint states, as robot_state_publisher makes them."""
+"""Compute the transforms of a robot's frames from its URDF and its joint positions, as robot_state_publisher does."""
 
 from __future__ import annotations
 
@@ -13,22 +13,29 @@ from tt_core.states import Array
 
 
 class UrdfUnreadable(TtError):
-    """A text that is no URDF."""
+    """Error: a text cannot be read as a URDF."""
 
 
 @dataclass(frozen=True)
 class Transform:
-    """Where a frame is in its parent: p_parent = rotation p_child + translation."""
+    """Pose of a frame in its parent frame: p_parent = rotation p_child + translation.
+
+    Attributes:
+        parent: Name of the parent frame.
+        child: Name of the frame.
+        rotation: (3, 3) rotation matrix, child to parent.
+        translation: (3,) m, origin of the child in the parent frame.
+    """
 
     parent: str
     child: str
-    rotation: Array  # (3, 3)
-    translation: Array  # (3,), m
+    rotation: Array
+    translation: Array
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """A joint of a URDF. rest: at zero; axis: (3,), in the frame of the joint."""
+    """A joint of a URDF. rest: its transform at joint position 0; axis: (3,) unit vector in the frame of the joint."""
 
     name: str
     kind: str
@@ -36,7 +43,7 @@ class _Joint:
     axis: Array
 
     def at(self, position: float) -> Transform:
-        """Return the transform at a joint position, rad or m."""
+        """Return the transform at a joint position (rad or m)."""
         if self.kind == "prismatic":
             moved = self.rest.translation + self.rest.rotation @ (position * self.axis)
             return Transform(self.rest.parent, self.rest.child, self.rest.rotation, moved)
@@ -45,14 +52,14 @@ class _Joint:
 
 
 class Frames:
-    """The frames of a robot.
+    """The frames of a robot, one for each joint of its URDF.
 
     Attributes:
-        fixed: Transforms that never change.
+        fixed: Transforms of the fixed joints, which never change.
     """
 
     def __init__(self, urdf: str) -> None:
-        """Read a URDF. Raises UrdfUnreadable."""
+        """Read the text of a URDF. Raises UrdfUnreadable if it cannot be read."""
         try:
             joints = [_joint(element) for element in ET.fromstring(urdf).iter("joint") if element.find("parent") is not None]
         except (ET.ParseError, ValueError, KeyError, AttributeError) as error:
@@ -61,7 +68,11 @@ class Frames:
         self._moving = {joint.name: joint for joint in joints if joint.kind != "fixed"}
 
     def at(self, positions: Mapping[str, float]) -> list[Transform]:
-        """Return the transforms of the moving joints whose positions, rad or m, are given by name."""
+        """Return the transforms of the moving joints at given positions.
+
+        Args:
+            positions: Position of each joint by its name, rad or m. Names that the URDF does not have are ignored.
+        """
         return [self._moving[name].at(position) for name, position in positions.items() if name in self._moving]
 
 

@@ -1,4 +1,4 @@
-"""Publish what the robot learns of air, table and rubber from each ball, on `physics`."""
+"""Learn the coefficients of air, table and racket rubber from each ball that is played, and publish them on the topic `physics`."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from tt_vision.tracking import TrackerParams
 from tt_vision.warm import warm_tracker
 from tt_vision.wide_inputs import WideInputs
 
-NICE = 5  # priority of the process: the ball on its way comes first
-LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes
-LAG = 0.15  # s, by which joint states and pixels are looked at later: on a busy machine pixels come 0.1 s late, and learning has time
-MOST_WAITING = 1000  # pixels, 3 s of both cameras, and joint states, 2 s
+NICE = 5  # priority of the process: the nodes that play the ball come first
+LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes, largest message of each kind that is read
+LAG = 0.15  # s, delay with which joint states and pixels are processed: pixels come up to 0.1 s late on a busy machine
+MOST_WAITING = 1000  # length of the queues: 3 s of pixels of both cameras, 2 s of joint states
 SILENCE = 0.3  # s without a pixel, after which a ball is over
 
 
 @dataclass(frozen=True)
 class LearnParams:
-    """The file of learnt coefficients."""
+    """Parameters of the node: the file to which the learnt coefficients are saved."""
 
     save: str = param("", "", "file that is written after each ball, for `more_params_file:=` of the next start; empty: none")
 
@@ -54,13 +54,15 @@ class LearnParams:
 
 
 class LearnNode(Node):
-    """Subscribe to pixels, camera_info, ball/measured and joint_states; publish `physics` after each ball that has told something.
+    """Node that learns the coefficients of flight, table and racket from the balls that are played.
 
-    The arm and the poses of the wide cameras are parameters, as of the nodes arm and track.
+    It follows each ball before and after its contact with the racket: by the pixels at which the wide cameras see the ball, by
+    ball/measured, and by joint_states. After each ball from which something was learnt, it publishes the coefficients on `physics`. The arm
+    and the poses of the wide cameras are given by the same parameters as in the nodes arm and track.
     """
 
     def __init__(self) -> None:
-        """Declare parameters, compile the kernels, then subscribe."""
+        """Declare the parameters, compile the kernels, then subscribe."""
         super().__init__("learn")
         self.params = declare(self, LearnParams)
         self.tracking = declare(self, TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD))
@@ -71,10 +73,10 @@ class LearnNode(Node):
         self.model = arm.model()
         self.joint_names = arm.joint_names(self.model)
         self.lesson: Lesson | None = None
-        self.measured: BallState | None = None  # one that has arrived, until the pixels before it have been used
-        self.ball: BallState | None = None  # the newest state of the ball before the racket
-        self.waiting = deque[tuple[float, int, Array]](maxlen=MOST_WAITING)  # pixels that no joint state has passed yet
-        self.joints = deque[Joints](maxlen=MOST_WAITING)  # joint states, LAG of them
+        self.measured: BallState | None = None  # a measured ball that waits until the pixels before it have been used
+        self.ball: BallState | None = None  # newest state of the followed ball before it meets the racket
+        self.waiting = deque[tuple[float, int, Array]](maxlen=MOST_WAITING)  # pixels to process: stamp (s), camera (0 or 1), pixel (2,)
+        self.joints = deque[Joints](maxlen=MOST_WAITING)  # joint states to process, those of the last LAG s
         self.newest = -np.inf  # s, stamp of the newest pixel
         warm_tracker(wide_pair())
         self.status = Status(self)
@@ -88,22 +90,28 @@ class LearnNode(Node):
         self.status.wait_for(inputs)
 
     def on_calibration(self) -> None:
-        """Give up the ball that was seen with the cameras as they were known before."""
+        """Drop the present ball, because it was followed with another calibration of the cameras."""
         self.lesson = None
 
     def on_ball(self, message: Odometry) -> None:
-        """Take a measured ball; it counts once the pixels before it have been looked at."""
+        """Keep a measured ball until the pixels before it have been processed."""
         try:
             self.measured = ball_from_message(message)
         except TtError as error:
             self.refused["measured ball"](error)
 
     def on_pixel(self, stamp: float, side: int, pixel: Array) -> None:
-        """Take a pixel of the ball before or after the racket."""
+        """Put a pixel at which a wide camera sees the ball into the queue.
+
+        Args:
+            stamp: Time of the image, s.
+            side: Camera, 0 (left) or 1 (right).
+            pixel: (2,) pixels.
+        """
         self.waiting.append((stamp, side, pixel))
 
     def on_joints(self, message: JointState) -> None:
-        """Take a joint state, and look at those that are LAG old: the pixels of their time have come by now."""
+        """Queue a joint state, and process those that are LAG s old, as all pixels of their time have arrived by now."""
         try:
             state = joints_from_message(message, self.joint_names)
             if state is None or state[2] is None:
@@ -115,9 +123,9 @@ class LearnNode(Node):
             self.refused["joint state"](error)
 
     def look(self, joints: Joints) -> None:
-        """See whether the racket meets the ball, then take the pixels up to here, and see whether the ball is over.
+        """Process a joint state: check whether the racket has met the ball, use the pixels up to its time, check whether the ball is over.
 
-        The tracker must not see the return before the contact is known.
+        The contact is looked for first, because the tracker must not get pixels of the returned ball before the contact is known.
         """
         if self.lesson is not None and self.lesson.struck == np.inf:
             self.look_for_contact(self.lesson, joints)
@@ -127,28 +135,33 @@ class LearnNode(Node):
             self.finish()
 
     def take_pixels(self, until: float) -> None:
-        """Give the lesson the pixels up to a time (s)."""
+        """Give the pixels up to the time `until` (s) to the lesson, which follows one ball to learn from it."""
         news = False
         while self.waiting and self.waiting[0][0] <= until:
             stamp, side, pixel = self.waiting.popleft()
             if self.measured is not None and stamp >= self.measured.time:
                 self.begin(self.measured)
             goes_on = abs(stamp - self.newest) < SILENCE
-            if self.lesson is not None or not goes_on:  # of a ball that is over nothing more is learnt
+            if self.lesson is not None or not goes_on:  # further pixels of a ball that is over are not used
                 news = self.lesson_at(stamp).add_pixel(stamp, side, pixel) or news
             self.newest = max(self.newest, stamp) if goes_on else stamp
         if news and self.lesson is not None:
             self.ball = self.lesson.tracker.state()
 
     def begin(self, ball: BallState) -> None:
-        """Begin, or go on, with a measured ball."""
+        """Give a measured ball to the lesson; begin a new lesson if the ball of the present one was struck before."""
         self.measured = None
         if self.lesson is not None and self.lesson.struck < ball.time:  # it comes before the last one is over
             self.finish()
         self.lesson_at(ball.time).start(ball)
 
     def look_for_contact(self, lesson: Lesson, joints: Joints) -> None:
-        """Tell the lesson of the contact at the first joint state after it."""
+        """Tell the lesson that the racket has met the ball, if this is the first joint state after the contact.
+
+        Args:
+            lesson: The present lesson, whose ball was not struck yet.
+            joints: The joint state.
+        """
         if self.ball is None:
             return
         met = racket_of(self.model, joints)
@@ -159,7 +172,7 @@ class LearnNode(Node):
             lesson.strike(met.racket, met.turning)
 
     def lesson_at(self, stamp: float) -> Lesson:
-        """Return the lesson of the ball that is seen at a stamp (s); begin another one after a struck ball or a pause."""
+        """Return the lesson of the ball that is seen at `stamp` (s); a new one after SILENCE s without pixels, which end the old one."""
         if self.lesson is not None and abs(stamp - self.newest) > SILENCE:
             self.finish()
         if self.lesson is None:
@@ -168,7 +181,7 @@ class LearnNode(Node):
         return self.lesson
 
     def finish(self) -> None:
-        """Learn from the ball that is over, and publish what has changed."""
+        """Finish the present lesson: learn from its ball, and publish and save the coefficients if they have changed."""
         lesson, self.lesson = self.lesson, None
         if lesson is None or not lesson.finish():
             return

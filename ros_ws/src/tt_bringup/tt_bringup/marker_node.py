@@ -1,4 +1,4 @@
-"""Publish table, arm, ball, path, strokes and landing as markers, which RViz and Foxglove draw."""
+"""Publish table, arm, ball, predicted path, strokes and landing place as markers, which RViz and Foxglove draw."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .view.items import Item, Shape
 from .view.scene_inputs import SceneInputs
 
 NICE = 5  # priority of the process: the robot comes first
-WHOLE = 1.0  # s between two times at which all markers are published, changed or not, for those who subscribe later
+WHOLE = 1.0  # s after which all markers are published again, changed or not, for viewers that have subscribed later
 LIFETIME = 2.5  # s after which a viewer removes a marker that is not published again
 KINDS = {
     Shape.BOX: Marker.CUBE,
@@ -37,7 +37,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class MarkerParams:
-    """How often markers are published."""
+    """Parameters of the node: how often markers are published."""
 
     rate: float = param(20.0, "1/s", "rate of markers that have changed; all are published once a second", low=1.0, high=60.0)
 
@@ -47,20 +47,23 @@ class MarkerParams:
 
 
 class MarkerNode(Node):
-    """Publish markers while somebody subscribes to them. What is no longer shown is deleted."""
+    """Node that publishes the scene (table, arm, ball, predicted path, strokes, landing place) as markers on the topic `markers`.
+
+    It publishes only while the topic has subscribers. A marker is deleted when the scene does not show its item any more.
+    """
 
     def __init__(self) -> None:
-        """Declare parameters, then subscribe."""
+        """Declare the parameters, then subscribe."""
         super().__init__("markers")
         params = declare(self, MarkerParams)
         self.inputs = SceneInputs(self, declare_physics(self), Status(self), 1.0 / params.rate)
         self.markers = self.create_publisher(MarkerArray, "markers", RELIABLE)
         self.shown: dict[str, Item] = {}
-        self.whole_at = -inf  # s, when all were published last
+        self.whole_at = -inf  # s, when all markers were published last
         self.create_timer(1.0 / params.rate, self.on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def on_timer(self) -> None:
-        """Publish what has changed."""
+        """Publish the markers of the items that have changed, and delete those of items that are gone."""
         if not self.markers.get_subscription_count():
             return
         now = self.inputs.now()
@@ -79,12 +82,12 @@ class MarkerNode(Node):
 
 
 def deletion(name: str) -> Marker:
-    """Return the marker that removes an item."""
+    """Return the marker message that deletes the marker of the item `name`."""
     return Marker(ns=name, action=Marker.DELETE)
 
 
 def marker(item: Item) -> Marker:
-    """Return the marker of an item; its name is the namespace of the marker."""
+    """Return the marker message that shows an item of the scene. The name of the item is the namespace of the marker."""
     message = Marker(ns=item.name, type=KINDS[item.shape], action=Marker.ADD, lifetime=Duration(seconds=LIFETIME).to_msg())
     pose, scale, colour = message.pose, message.scale, message.color
     pose.position.x, pose.position.y, pose.position.z = item.position.tolist()

@@ -43,16 +43,22 @@ NODES = {
     "markers": ("tt_bringup", "marker_node"),
     "view": ("tt_bringup", "view_node"),
 }
-# NaN in the file: the value of the model, the world or the arm file that is named
+# parameters that are NaN in the file, which stands for the value of the physical model, of the world or of the arm file
 MODELS = ("air.", "table.", "racket.", "plant.")
 OF_ARM = ("x_low", "x_high", "y_low", "y_high", "z_low", "z_high", "racket_speed", "command_timeout", "swing.command_timeout")
 OF_MIDDLEWARE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-PATIENCE = 120.0  # s, for a node to answer: a cold start compiles kernels
+PATIENCE = 120.0  # s, longest wait for a node to answer: its first start compiles kernels
 
 
 @dataclass(slots=True)
 class Declared:
-    """One parameter of one node: its value, and what the node tells about it."""
+    """One parameter of one node.
+
+    Attributes:
+        name: Name of the parameter.
+        value: Its value.
+        descriptor: Its description, range and whether it is read-only, as the node declares them.
+    """
 
     name: str
     value: Any
@@ -60,7 +66,18 @@ class Declared:
 
 
 def ask(node: Node, name: str) -> list[Declared]:
-    """Return all parameters of the node `name`, in the order of their names. Raises TtError if it does not answer in time."""
+    """Ask a running node for all its parameters except those of the middleware.
+
+    Args:
+        node: Node that sends the requests.
+        name: Name of the node that is asked.
+
+    Returns:
+        The parameters, sorted by name.
+
+    Raises:
+        TtError: The node does not answer within PATIENCE s.
+    """
     client = ParameterClient(node, name, PATIENCE)
     names = [n for n in client.names() if not n.startswith(OF_MIDDLEWARE)]
     values = map(parameter_value_to_python, client.values(names))
@@ -68,7 +85,7 @@ def ask(node: Node, name: str) -> list[Declared]:
 
 
 def as_yaml(nodes: dict[str, list[Declared]]) -> str:
-    """Return the parameter file, with meaning and unit of each parameter as a comment."""
+    """Return the text of the parameter file, with meaning and unit of each parameter as a comment. nodes: parameters by node."""
     lines = [
         "# Every parameter of every node, as the launch files load it. Written by: python -m tt_bringup.parameters",
         "# .nan stands for the value of the model that `physics` names, of the world, or of the arm file.",
@@ -84,14 +101,14 @@ def as_yaml(nodes: dict[str, list[Declared]]) -> str:
 
 
 def bounds(descriptor: ParameterDescriptor) -> str:
-    """Return the range or the choices of a parameter."""
+    """Return the range or the choices of a parameter as text; "" if it has none."""
     for bound in (*descriptor.floating_point_range, *descriptor.integer_range):
         return f"{bound.from_value:g} to {bound.to_value:g}"
     return descriptor.additional_constraints
 
 
 def as_markdown(nodes: dict[str, list[Declared]]) -> str:
-    """Return the reference table."""
+    """Return the text of the reference, a Markdown table of the parameters of each node. nodes: parameters by node."""
     lines = [
         "# Parameters",
         "",
@@ -108,7 +125,7 @@ def as_markdown(nodes: dict[str, list[Declared]]) -> str:
 
 
 def of_class(kind: type) -> list[Declared]:
-    """Return the parameters of a dataclass, for nodes that answer no questions about theirs."""
+    """Return the parameters that a dataclass of `param` fields declares, for nodes that offer no parameter services."""
     return [
         Declared(f.name, list(f.default) if isinstance(f.default, tuple) else f.default, describe(f.metadata, f.default, read_only=True))
         for f in sorted(fields(kind), key=lambda f: f.name)
@@ -116,7 +133,11 @@ def of_class(kind: type) -> list[Declared]:
 
 
 def collect() -> dict[str, list[Declared]]:
-    """Start all nodes with their defaults, ask them, and end them."""
+    """Start all nodes with their default parameters, ask each for its parameters, and end the nodes.
+
+    Returns:
+        The parameters of each node, by its name.
+    """
     with tempfile.TemporaryDirectory() as folder, domain_id() as domain:
         for side in SIDES:  # the camera node ends without an image
             cv2.imwrite(f"{folder}/{side}_0.000000.png", np.zeros((8, 8), np.uint8))
@@ -142,7 +163,7 @@ def collect() -> dict[str, list[Declared]]:
 
 
 def main() -> None:
-    """Write both files."""
+    """Run the command line: collect the parameters, and write the parameter file and the reference."""
     parser = argparse.ArgumentParser(prog="parameters", description=__doc__)
     parser.add_argument("config", type=Path, help="the parameter file, YAML")
     parser.add_argument("reference", type=Path, help="the table of all parameters, Markdown")

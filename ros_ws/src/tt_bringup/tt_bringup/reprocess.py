@@ -1,7 +1,7 @@
-"""Run the functions of the nodes over a recording, as fast as they go, and write a new recording.
+"""Run the functions of the nodes on a recording, as fast as possible, and write a new recording.
 
-The results replace those in the recording; all else is copied. The same recording and parameters give the same bytes each time. Where the
-recording has joint states and no /tf, transforms are made from them and from the URDF.
+The new results replace those in the recording; all other messages are copied. The same recording and parameters give the same bytes each
+time. If the recording has joint states and no /tf, the transforms are computed from them and from the URDF.
 """
 
 from __future__ import annotations
@@ -41,13 +41,18 @@ NODES = ("estimate", "predict", "racket", "arm")
 
 
 def offered(*, latched: bool = False) -> Qos:
-    """Return the quality of service of a topic that is made here."""
+    """Return the quality of service that is recorded for a topic which is made here. latched: transient local instead of volatile."""
     durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
     return Qos(QosHistory.KEEP_LAST, 100, QosReliability.RELIABLE, durability, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, False)
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the parameters of nested mappings by their full names."""
+    """Yield name and value of each parameter of nested mappings, with the names of the groups before it, e.g. "swing.command_timeout".
+
+    Args:
+        values: Nested mappings, as in a parameter file.
+        prefix: Text before each name.
+    """
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{name}.")
@@ -56,7 +61,14 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 
 
 def parameters(text: str) -> dict[str, dict[str, Any]]:
-    """Return the parameters by name, by the last part of the name of the node, of the text of a parameter file. Raises TtError."""
+    """Read the text of a parameter file.
+
+    Returns:
+        For each node, by its name without a namespace, the parameter values by name.
+
+    Raises:
+        TtError: The text is no parameter file.
+    """
     try:
         content = yaml.safe_load(text) or {}
         return {node.rpartition("/")[2]: dict(flat(entry["ros__parameters"])) for node, entry in content.items()}
@@ -65,7 +77,7 @@ def parameters(text: str) -> dict[str, dict[str, Any]]:
 
 
 def attachments(path: Path) -> dict[str, bytes]:
-    """Return the attachments of a bag by name; none of a bag that is not MCAP."""
+    """Return the content of each attachment of a bag by name; empty for a bag that is not MCAP."""
     found: dict[str, bytes] = {}
     for file in bag_files(path):
         if file.suffix == ".mcap":
@@ -75,14 +87,17 @@ def attachments(path: Path) -> dict[str, bytes]:
 
 
 def all_parameters(attached: Mapping[str, bytes], files: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the nodes.
+    """Return the parameter values of all nodes, from config/parameters.yaml, from a recording and from parameter files.
 
     Args:
-        attached: Attachments of the bag; parameters among them win over config/parameters.yaml.
-        files: Parameter files, which win over both, the last one most.
+        attached: Attachments of the recording. Parameters among them override those of config/parameters.yaml.
+        files: Parameter files. They override both, and a later file overrides an earlier one.
+
+    Returns:
+        For each node, by its name without a namespace, the values by name.
 
     Raises:
-        TtError: A file is none, or cannot be read.
+        TtError: A file cannot be read, or is no parameter file.
     """
     texts = [(Path(get_package_share_directory("tt_bringup")) / "config" / "parameters.yaml").read_text()]
     texts += [data.decode() for name, data in attached.items() if name.startswith("parameters/")]
@@ -99,14 +114,14 @@ def all_parameters(attached: Mapping[str, bytes], files: Sequence[Path]) -> dict
 
 
 def recorded_description(urdf: str | None, values: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the description of a recorded arm in `table`.
+    """Return the robot description (URDF) of a recorded arm, with its base placed in the frame `table`.
 
     Args:
-        urdf: The recorded one; None to make that of the parameters.
-        values: Parameters of the nodes.
+        urdf: The recorded URDF; None to make the URDF of the arm that the parameters name.
+        values: Parameter values by name, for each node.
 
     Raises:
-        TtError: The arm of the parameters cannot be read, or `urdf` is no URDF.
+        TtError: The arm that the parameters name cannot be read, or `urdf` is no URDF.
     """
     params = from_values(InstalledArm, values["arm"])
     if urdf is None:
@@ -115,17 +130,30 @@ def recorded_description(urdf: str | None, values: Mapping[str, Mapping[str, Any
 
 
 def packed(kind: str, message: Any) -> bytes:
-    """Return the CDR of a message of ROS or rosbags; its padding is always 0."""
+    """Serialize a message to CDR, with padding bytes that are always 0.
+
+    Args:
+        kind: Message type, e.g. "nav_msgs/msg/Odometry".
+        message: A message of rclpy or of rosbags.
+    """
     if not hasattr(message, "get_fields_and_field_types"):
         return bytes(TYPES.serialize_cdr(message, kind))
     return bytes(TYPES.serialize_cdr(TYPES.deserialize_cdr(serialize_message(message), kind), kind))
 
 
 class TransformMessages:
-    """Makes /tf and /tf_static."""
+    """Makes the messages of /tf and /tf_static: the frames of the arm, and those of the high-speed cameras."""
 
     def __init__(self, urdf: str | None, values: Mapping[str, Mapping[str, Any]]) -> None:
-        """Read the arm and the poses of arm and cameras; urdf: None for that of the parameters. Raises TtError."""
+        """Read the arm, its place, and the poses of the cameras.
+
+        Args:
+            urdf: The recorded URDF; None to make the URDF of the arm that the parameters name.
+            values: Parameter values by name, for each node.
+
+        Raises:
+            TtError: The URDF or a parameter cannot be used.
+        """
         self._frames = Frames(recorded_description(urdf, values))
         cameras = read_poses(lambda kind, prefix="": from_values(kind, values["estimate"], prefix))
         self._fixed = list(self._frames.fixed)
@@ -134,12 +162,12 @@ class TransformMessages:
             self._fixed.append(Transform("table", f"{name}_optical", back, -back @ camera.translation))
 
     def static(self, at: int) -> Any:
-        """Return the message of the transforms that never change. at: ns."""
+        """Return the message of /tf_static with the transforms that never change. at: its stamp, ns."""
         stamp = TYPES.types["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
         return self._message(stamp, self._fixed)
 
     def moving(self, joints: Any) -> Any:
-        """Return the message of the transforms at joint states, a sensor_msgs/JointState."""
+        """Return the message of /tf with the transforms of the moving joints. joints: a sensor_msgs/JointState message."""
         return self._message(joints.header.stamp, self._frames.at(dict(zip(joints.name, joints.position, strict=False))))
 
     @staticmethod
@@ -159,40 +187,59 @@ class TransformMessages:
 
 
 class Output:
-    """The new recording."""
+    """Writer of the new recording."""
 
     def __init__(self, path: Path) -> None:
-        """Make it. Raises BagError."""
+        """Make the bag. path: its directory, which must not exist yet. Raises BagError if it exists or cannot be made."""
         self._bag = BagFile(path, reserve=0)
 
     def add(self, topic: str, kind: str, time: int, data: bytes, qos: Sequence[Qos]) -> None:
-        """Write a message. Raises OSError if the disk does not take it."""
+        """Write a message, and add its topic to the bag if it is the first one.
+
+        Args:
+            topic: Full name of the topic.
+            kind: Message type, e.g. "nav_msgs/msg/Odometry".
+            time: Time at which it was received, ns.
+            data: The serialized message (CDR).
+            qos: Quality of service of the topic's publishers.
+
+        Raises:
+            OSError: The disk has no room, or failed.
+        """
         if topic not in self._bag.counts:
             self._bag.add_topic(topic, kind, qos)
         self._bag.make_room(len(data), time)
         self._bag.write(topic, time, data)
 
     def close(self, attached: Mapping[str, bytes], at: int) -> str:
-        """Close the bag with attachments of the time `at`, ns; return what was written."""
+        """Add attachments and close the bag.
+
+        Args:
+            attached: Content of each attachment by name.
+            at: Time that is stored with the attachments, ns.
+
+        Returns:
+            Text about what was written.
+        """
         for name, data in sorted(attached.items()):
             self._bag.attach(name, at, "application/octet-stream", data)
         return str(self._bag.close())
 
 
 def reprocess(path: Path, first: str, output: Path, files: Sequence[Path] = ()) -> str:
-    """Run the stages from `first` on over a recording.
+    """Run a stage (the function of one node) and all later ones on a recording, and write a new recording.
 
     Args:
-        path: A bag of any kind.
-        first: One of STAGES.
-        output: The new bag, which must not exist.
-        files: Parameter files; see all_parameters.
+        path: The recording, a bag of any kind.
+        first: Name of the first stage, one of stages.STAGES.
+        output: Directory of the new bag, which must not exist yet.
+        files: Parameter files that override the recorded parameters; see `all_parameters`.
 
     Returns:
-        What was made, refused and written, for people.
+        Text for people about what was made, refused and written.
 
     Raises:
-        TtError: The bag or a parameter file cannot be read, or the new bag not be written.
+        TtError: The bag or a parameter file cannot be read, or the new bag cannot be written.
     """
     attached = attachments(path)
     values = all_parameters(attached, files)
@@ -237,7 +284,7 @@ def _take(bag: Bag, message: Message, name: str, chain: Chain, result: Output) -
 
 
 def main() -> int:
-    """Run the command line and return the exit code."""
+    """Run the command `ros2 run tt_bringup reprocess` and return its exit code."""
     parser = argparse.ArgumentParser(prog="reprocess", description=__doc__)
     parser.add_argument("bag", type=Path, help="recording of any kind")
     parser.add_argument("--from", dest="first", choices=tuple(STAGES), default="vision", help="first stage that is run anew (vision)")

@@ -1,6 +1,6 @@
-"""Start robot_state_publisher of ROS with the description that arm_node publishes; end at once where it is not installed.
+"""Start the ROS node robot_state_publisher, which publishes /tf and /tf_static; end at once if it is not installed.
 
-It publishes /tf and /tf_static. It needs the description as a parameter when it starts, while ours is known when the arm node runs.
+It needs the robot description (URDF) as a parameter when it starts. Ours is known only when arm_node runs and publishes it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PACKAGE = "robot_state_publisher"
 
 
 def wait_for_description() -> str:
-    """Wait for robot_description, and return it."""
+    """Wait for a message on the topic robot_description, without a time limit, and return its text, the URDF."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("wait_for_description", enable_rosout=False, start_parameter_services=False)
     received: list[String] = []
@@ -35,7 +35,7 @@ def wait_for_description() -> str:
 
 
 def main() -> int:
-    """Replace this process by robot_state_publisher; return 0 where there is none."""
+    """Replace this process by robot_state_publisher; return the exit code 0 if it is not installed."""
     default_signals()
     try:
         program = Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / PACKAGE

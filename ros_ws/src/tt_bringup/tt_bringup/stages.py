@@ -1,4 +1,7 @@
-"""The nodes' functions from images to strokes, called on recorded messages without a graph."""
+"""Stages of the robot from images to strokes: what the nodes estimate, predict and racket compute, without ROS, on recorded messages.
+
+A stroke is position, orientation and velocity of the racket at the time at which it returns the ball.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +44,18 @@ from tt_vision.measure import Measurement, measure_burst
 from tt_vision.rig import SIDES
 
 ODOMETRY, TRAJECTORY = "nav_msgs/msg/Odometry", "trajectory_msgs/msg/MultiDOFJointTrajectory"
-Values = Mapping[str, Any]  # parameters of one node by name
-Reader = Callable[..., Any]  # read(kind, prefix=""): an instance of a dataclass of parameters
+Values = Mapping[str, Any]  # parameter values of one node, by name
+Reader = Callable[..., Any]  # read(kind, prefix="") returns an instance of a dataclass of parameters
 
 
 class Output(NamedTuple):
-    """A message that a stage makes. topic: relative."""
+    """A message that a stage has made.
+
+    Attributes:
+        topic: Relative name of its topic, e.g. "ball/path".
+        kind: Message type, e.g. "nav_msgs/msg/Odometry".
+        message: The message.
+    """
 
     topic: str
     kind: str
@@ -54,7 +63,15 @@ class Output(NamedTuple):
 
 
 class Vision:
-    """As estimate_node: images and camera_info to ball/measured; first estimates, ball/first, are not made."""
+    """Stage that measures balls as estimate_node does: from camera images and camera_info to ball/measured.
+
+    The quick first estimates that the node publishes on ball/first are not made.
+
+    Attributes:
+        inputs: Relative names of the topics whose messages `take` needs.
+        refused: How often no ball was measured, by the code of the reason, or by "no camera_info" while a calibration is missing.
+        sides: Index in SIDES of each camera that is used.
+    """
 
     def __init__(self, values: Values) -> None:
         """Read the parameters of the node. Raises TtError for a value that it would refuse."""
@@ -69,7 +86,7 @@ class Vision:
         self.inputs = {f"camera/{name}/{what}" for name in SIDES for what in ("image_raw", "camera_info")}
 
     def take(self, topic: str, message: Any) -> Output | None:
-        """Take a message of one of `inputs`."""
+        """Process a message of one of the topics `inputs`. Return the measured ball if the message completes one, otherwise None."""
         burst = self.add(topic, message)
         measured = None if burst is None else self.measure(burst)
         if measured is None:
@@ -81,7 +98,10 @@ class Vision:
         return Output("ball/measured", ODOMETRY, ball_to_message(result.ball))
 
     def add(self, topic: str, message: Any) -> Burst | None:
-        """Take a message of one of `inputs`; return the burst if it is complete with it."""
+        """Add a message of one of the topics `inputs`, and return the burst if the message completes one, otherwise None.
+
+        A burst is the images of one ball's passage through the high-speed cameras.
+        """
         _, name, what = topic.split("/")
         side = SIDES.index(name)
         if what == "camera_info":
@@ -91,7 +111,11 @@ class Vision:
         return self.assembler.add(side, stamp_seconds(message.header.stamp), image_from_message(message))
 
     def measure(self, burst: Burst) -> tuple[Burst, Measurement] | None:
-        """Measure a burst; return it with its calibrated cameras, and the measurement, or None while a calibration is missing."""
+        """Measure position, velocity and spin of the ball in a burst.
+
+        Returns:
+            The burst with its calibrated cameras, and the measurement; None while the calibration of a camera has not arrived.
+        """
         lenses = [lens for lens in (self.lenses[side] for side in self.sides) if lens is not None]
         if len(lenses) < len(self.sides):
             self.refused["no camera_info"] += 1
@@ -101,7 +125,12 @@ class Vision:
 
 
 class Predict:
-    """As predict_node: ball/measured to ball/path."""
+    """Stage that predicts the flight of the ball as predict_node does: from ball/measured to ball/path.
+
+    Attributes:
+        inputs: Relative names of the topics whose messages `take` needs.
+        refused: Always empty, because every measured ball gets a path.
+    """
 
     def __init__(self, values: Values) -> None:
         """Read the parameters of the node. Raises TtError for a value that it would refuse."""
@@ -110,13 +139,18 @@ class Predict:
         self.inputs, self.refused = {"ball/measured"}, Counter[str]()
 
     def take(self, _: str, message: Odometry) -> Output | None:
-        """Take a message of one of `inputs`."""
+        """Return the predicted path of a measured ball."""
         path = rollout_past_net(ball_from_message(message), self.physics, self.stop).path
         return Output("ball/path", TRAJECTORY, path_to_message(thinned(path)))
 
 
 class Racket:
-    """As racket_node: ball/path and return/goal to racket/strokes."""
+    """Stage that finds strokes as racket_node does: from ball/path and return/goal to racket/strokes.
+
+    Attributes:
+        inputs: Relative names of the topics whose messages `take` needs.
+        refused: How often no stroke was found, by the code of the reason.
+    """
 
     def __init__(self, values: Values) -> None:
         """Read the parameters of the node. Raises TtError for a value that it would refuse."""
@@ -130,7 +164,7 @@ class Racket:
         self.inputs, self.refused = {"ball/path", "return/goal"}, Counter[str]()
 
     def take(self, topic: str, message: Any) -> Output | None:
-        """Take a message of one of `inputs`."""
+        """Process a message of one of the topics `inputs`. Return the strokes for a path, which may be none; None for a goal."""
         if topic == "return/goal":
             self.goal = goal_from_message(message)
             return None
@@ -143,7 +177,7 @@ class Racket:
         return Output("racket/strokes", TRAJECTORY, strokes_to_message(rackets, path.times[0]))
 
 
-STAGES: dict[str, tuple[str, type[Vision] | type[Predict] | type[Racket]]] = {  # node that has the parameters, by the name of the stage
+STAGES: dict[str, tuple[str, type[Vision] | type[Predict] | type[Racket]]] = {  # by name: the node that has the parameters, and the class
     "vision": ("estimate", Vision),
     "predict": ("predict", Predict),
     "racket": ("racket", Racket),
@@ -151,16 +185,23 @@ STAGES: dict[str, tuple[str, type[Vision] | type[Predict] | type[Racket]]] = {  
 
 
 class Chain:
-    """Stages one after the other; what one makes is taken by the next.
+    """A sequence of stages, each of which processes the messages that the one before it has made.
 
     Attributes:
-        outputs: Relative names of the topics that are made.
-        made: How many messages were made, by topic.
-        refused: What was not made: how often, by topic of the input and code of the reason.
+        outputs: Relative names of the topics on which the stages make messages.
+        made: Number of messages that were made, by topic.
     """
 
     def __init__(self, first: str, values: Mapping[str, Values]) -> None:
-        """Make the stages from `first`, one of STAGES, on. values: Parameters by name, by node."""
+        """Make a stage and all that follow it.
+
+        Args:
+            first: Name of the first stage, one of STAGES.
+            values: Parameter values by name, for each node by its name.
+
+        Raises:
+            TtError: A parameter has a value that its node would refuse.
+        """
         names = list(STAGES)[list(STAGES).index(first) :]
         self._stages = [STAGES[name][1](values.get(STAGES[name][0], {})) for name in names]
         made = {"vision": "ball/measured", "predict": "ball/path", "racket": "racket/strokes"}
@@ -170,16 +211,21 @@ class Chain:
 
     @property
     def inputs(self) -> set[str]:
-        """Relative names of the recorded topics that are taken."""
+        """Relative names of the recorded topics whose messages `take` needs."""
         return {topic for stage in self._stages for topic in stage.inputs} - self.outputs
 
     @property
     def refused(self) -> Counter[str]:
-        """How often nothing was made, by the reason."""
+        """How often a stage made nothing, by the code of the reason, or by topic and name of the error for an unusable message."""
         return sum((stage.refused for stage in self._stages), self._errors)
 
     def take(self, topic: str, message: Any) -> list[Output]:
-        """Take a recorded message, and return all that is made of it. What cannot be used is counted."""
+        """Process a recorded message by all stages, and return the messages that they make. A message that cannot be used is counted.
+
+        Args:
+            topic: Relative name of its topic, one of `inputs`.
+            message: The message.
+        """
         outputs: list[Output] = []
         for stage in self._stages:
             if topic not in stage.inputs:

@@ -1,6 +1,6 @@
 """Show the robot live in a browser: 3D scene, camera images, latencies, diagnostics, and buttons that drive it.
 
-The node only listens, but for what its buttons ask for. It shows a running graph and a bag that is played alike.
+The node only subscribes, except when a user presses a button. It shows a running robot and a bag that is being played in the same way.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ from .view.scene_inputs import SceneInputs
 
 NICE = 10  # priority of the process: the robot comes first
 SIDES = ("left", "right")
-PANELS = 6  # updates of the scene for each update of the panels
-IMAGES = 0.01  # s between two images that are read of each camera
-LARGEST_IMAGE, LARGEST_STATE, LARGEST_DIAGNOSTICS = 2**26, 4096, 2**18  # bytes of a message
-STAGES = (Event.FIRST_ESTIMATE, Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # whose latency is shown
+PANELS = 6  # the panels are updated once in so many updates of the scene
+IMAGES = 0.01  # s, shortest time between two images of a camera that are read
+LARGEST_IMAGE, LARGEST_STATE, LARGEST_DIAGNOSTICS = 2**26, 4096, 2**18  # bytes, largest message of each kind that is read
+STAGES = (Event.FIRST_ESTIMATE, Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # latencies that are shown
 
 
 @dataclass(frozen=True)
 class ViewParams:
-    """Where the page is served, and how often it is updated."""
+    """Parameters of the node: where the page is served, and how often it is updated."""
 
     host: str = param("127.0.0.1", "", "address on which the page is served; 0.0.0.0: on all")
     port: int = param(8080, "", "port of the page; 0: any that is free", low=0, high=65535)
@@ -62,23 +62,26 @@ class ViewParams:
     rate: float = param(30.0, "1/s", "updates of the page", low=1.0, high=60.0)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Refuse values outside their range, and a token with other characters than letters, digits, - and _."""
         check(self)
         if not re.fullmatch(r"[\w-]*", self.token, re.ASCII):
             raise TtError("token holds other characters than letters, digits, - and _")
 
 
 class ViewNode(Node):
-    """Subscribe to all that is shown; call services, set parameters and publish return/goal when a button asks for it."""
+    """Node that serves the live view. It subscribes to everything that the view shows.
+
+    When a user presses a button, it calls a service, sets parameters of the node sim, or publishes the goal of the return on return/goal.
+    """
 
     def __init__(self) -> None:
-        """Declare parameters, serve the page, then subscribe."""
+        """Declare the parameters, serve the page, then subscribe."""
         super().__init__("view")
         params = declare(self, ViewParams)
         physics, self.status, self.readings = declare_physics(self), Status(self), Readings()
         token = params.token or ("" if is_loopback(params.host) else secrets.token_urlsafe(16))
         self.gate = Gate(params.host, params.port, token)
-        with redirect_stdout(StringIO()):  # it prints the address behind the gate
+        with redirect_stdout(StringIO()):  # viser would print its own address, which users reach through the gate only
             self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self.gate.open(self.server.get_port())
         self.page, self.updates = Page(self.server), 0
@@ -93,7 +96,11 @@ class ViewNode(Node):
         self.get_logger().info(f"http://{host}:{self.gate.port}/" + (f"?token={token}" if token else ""))
 
     def subscribe(self, interval: float) -> None:
-        """Subscribe to what the markers do not show. interval: s between two true balls that are read."""
+        """Subscribe to what SceneInputs does not: the true ball of a simulator, diagnostics and camera images.
+
+        Args:
+            interval: Shortest time between two true balls that are read, s.
+        """
         refused = self.inputs.refused
         Input(self, Odometry, "sim/ball", self.on_true_ball, SENSOR, largest=LARGEST_STATE, refused=refused, interval=interval)
         Input(self, DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE, largest=LARGEST_DIAGNOSTICS, refused=refused)
@@ -103,21 +110,21 @@ class ViewNode(Node):
             Input(self, Image, topic, on_image, NEWEST, largest=LARGEST_IMAGE, refused=refused, interval=IMAGES)
 
     def on_true_ball(self, message: Odometry) -> None:
-        """Show the true ball."""
+        """Give the true ball of the simulator to the scene."""
         try:
             self.inputs.scene.take_true_ball(ball_from_message(message), self.inputs.now())
         except TtError as error:
             self.inputs.refused(error)
 
     def on_image(self, side: str, message: Image) -> None:
-        """Keep an image for the panel."""
+        """Keep a camera image for the panel. side: name of the camera, one of SIDES."""
         try:
             self.readings.take_image(side, image_from_message(message), self.inputs.now())
         except TtError as error:
             self.inputs.refused(error)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep statuses, latencies, and where a ball landed."""
+        """Keep the statuses and latencies for the panels, and give the place where a ball landed to the scene."""
         now = self.inputs.now()
         self.readings.take_health(Health(now, s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
         for status in read_status(message):
@@ -127,7 +134,7 @@ class ViewNode(Node):
                 self.inputs.scene.take_landing(place, now)
 
     def on_timer(self) -> None:
-        """Do what users have asked for, and update the page."""
+        """Carry out the actions that users have asked for, and update the page if somebody has it open."""
         while not self.page.actions.empty():
             self.do(self.page.actions.get())
         if not self.gate.watchers:
@@ -139,7 +146,7 @@ class ViewNode(Node):
         self.updates += 1
 
     def do(self, action: Action) -> None:
-        """Do what a user has asked for."""
+        """Carry out an action that a user has asked for."""
         if isinstance(action, Launch):
             launch = lambda: self.call(self.launcher, Trigger.Request())  # noqa: E731
             self.set_launcher(action.shot, 0.0, then=launch)
@@ -158,7 +165,13 @@ class ViewNode(Node):
             self.call(self.stepper, Trigger.Request())
 
     def set_launcher(self, shot: str, rate: float, then: Callable[[], None] | None = None) -> None:
-        """Set what the launcher launches and how often (balls a minute), and do the next thing if it accepts."""
+        """Set what the simulated launcher launches, and how often.
+
+        Args:
+            shot: Kind and scale of the balls, e.g. "top 3".
+            rate: Balls per minute; 0 for balls on request only.
+            then: Called when the node sim has accepted both; None for nothing.
+        """
         shots = ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=[shot])
         often = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=rate)
         request = SetParameters.Request(parameters=[Parameter(name="shots", value=shots), Parameter(name="launcher.rate", value=often)])
@@ -172,7 +185,13 @@ class ViewNode(Node):
         self.call(self.setter, request, on_answer)
 
     def call(self, client: Client, request: Any, on_answer: Callable[[Any], None] | None = None) -> None:
-        """Call a service; show its answer unless `on_answer` takes it."""
+        """Call a service without waiting for its answer; if it is not available, show that.
+
+        Args:
+            client: Client of the service.
+            request: The request.
+            on_answer: Called with the response; None to show the message of the response on the page.
+        """
         if not client.service_is_ready():
             self.readings.shown = f"{client.srv_name} is not there"
             return

@@ -1,4 +1,7 @@
-"""Compiles every kernel once, so that no node compiles when a ball flies, in two processes: python -m tt_bringup.warm."""
+"""Compile every numba kernel once and cache it, so that no node compiles while a ball flies: python -m tt_bringup.warm.
+
+Two processes compile at the same time.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ from tt_vision.warm import warm_tracker
 
 
 def vision() -> None:
-    """What follows balls, what makes images and what measures them: half of all."""
+    """Compile the kernels of the ball tracker, of the simulated cameras and of the measurement, which are half of all kernels."""
     warm_tracker(wide_pair())
     cameras, (ball, orientation) = high_speed_pair(), _launched()
     next(camera_sequence(ball, orientation, cameras, Scene(), Physics.liu(), np.random.default_rng(0)))
@@ -39,7 +42,15 @@ def vision() -> None:
 
 
 def flights(ball: BallState, physics: Physics) -> BallPath:
-    """What the others share, so that no two processes compile it at a time."""
+    """Compile the kernels of flight and rebounds, which all other parts use. Done first, so that no two processes compile them at once.
+
+    Args:
+        ball: State of a ball in flight.
+        physics: Models of flight and rebounds.
+
+    Returns:
+        The predicted path of the ball, down to x = -0.4 m.
+    """
     for rebound in (physics.table, Physics.measured().table):
         rebound.after(np.array([-5.0, 0.0, -2.0]), ball.spin)
     high_speed_pair()[0].project(ball.position[None])
@@ -48,7 +59,7 @@ def flights(ball: BallState, physics: Physics) -> BallPath:
 
 
 def main() -> None:
-    """Compile in two processes."""
+    """Compile all kernels in two processes; the exit code of this process is that of the second one."""
     physics, (ball, _) = Physics.liu(), _launched()
     _tell("flight and rebounds")
     path = flights(ball, physics)
@@ -75,7 +86,7 @@ def main() -> None:
 
 
 def _tell(what: str) -> None:
-    """Tell what is compiled now, as it takes a minute or more."""
+    """Print what is compiled now, as it takes a minute or more."""
     print(f"  {what}", flush=True)
 
 

@@ -21,25 +21,25 @@ from rosbags.typesys.store import Typestore
 from tt_core.ros.bags import TYPES, BagError
 
 RESERVE = 64 * 2**20  # bytes of the disk that stay free
-AHEAD = 16 * 2**20  # bytes by which the file is allocated ahead
-CHUNK = 2**20  # bytes of messages in one chunk: 8 MB stalled
-PER_MESSAGE, PER_CHUNK, PER_CHUNK_AND_TOPIC = 64, 256, 32  # bytes in the file beside the data, at most
-PER_BAG, PER_TOPIC, PER_PUBLISHER = 2**16, 4096, 4096  # bytes in channels, index and metadata, at most
+AHEAD = 16 * 2**20  # bytes that are allocated for the file in advance
+CHUNK = 2**20  # bytes of messages in one chunk; with 8 MB writing stalled
+PER_MESSAGE, PER_CHUNK, PER_CHUNK_AND_TOPIC = 64, 256, 32  # upper bounds of the bytes in the file beside the data
+PER_BAG, PER_TOPIC, PER_PUBLISHER = 2**16, 4096, 4096  # upper bounds of the bytes in channels, index and metadata
 COMPRESSIONS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
-VERSION = 9  # of metadata.yaml, that of rosbag2 in ROS 2 Jazzy
+VERSION = 9  # format version of metadata.yaml, as rosbag2 of ROS 2 Jazzy writes it
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What was recorded.
+    """Summary of a bag that has been closed: what it holds, and which messages were lost.
 
     Attributes:
-        directory: The bag.
-        counts: Messages in it, by topic.
-        duration: s, from the first to the last message.
-        size: Bytes of its files.
-        dropped: Messages that were not written, by topic, because the disk was full or slow.
-        missed: Messages that never arrived, by topic, as the middleware tells.
+        directory: Path of the bag.
+        counts: Number of messages in the bag, by topic.
+        duration: Time from the first to the last message, s.
+        size: Size of its files, bytes.
+        dropped: Number of messages, by topic, that were not written because the disk was full or slow.
+        missed: Number of messages, by topic, that the middleware reported as lost before they arrived.
     """
 
     directory: Path
@@ -59,11 +59,11 @@ class Summary:
 
 
 class _File(io.BufferedWriter):
-    """A file that is allocated before it is written and cut to its content when it is closed.
+    """File whose disk space is allocated before it is written, and which is cut to its content when it is closed.
 
     Attributes:
-        free: Bytes free on the disk at the last allocation.
-        position: Bytes written.
+        free: Bytes that were free on the disk at the last allocation.
+        position: Bytes written so far.
     """
 
     def __init__(self, path: Path, reserve: int) -> None:
@@ -75,7 +75,7 @@ class _File(io.BufferedWriter):
         return super().write(data)
 
     def allocate(self, size: int) -> None:
-        """Have at least `size` bytes for the file. Raises OSError if the disk would be left with less than the reserve."""
+        """Allocate at least `size` bytes for the file. Raises OSError if less than the reserve would stay free on the disk."""
         if size > self._allocated:
             try:
                 self._extend(size + AHEAD)
@@ -97,7 +97,7 @@ class _File(io.BufferedWriter):
 
 
 class _Topic(NamedTuple):
-    """A topic as MCAP and metadata.yaml have it."""
+    """What MCAP and metadata.yaml store about a topic."""
 
     name: str
     kind: str
@@ -108,7 +108,7 @@ class _Topic(NamedTuple):
 
 @dataclass
 class _Part:
-    """One file of a bag. first, last: ns, of its messages; 0 without any."""
+    """One file of a bag. first, last: time of its first and last message, ns; 0 without messages."""
 
     path: Path
     file: _File
@@ -117,11 +117,11 @@ class _Part:
     counts: Counter[str] = field(default_factory=Counter)
     first: int = 0
     last: int = 0
-    pending: int = 0  # bytes of the chunk that is not written yet, at most
+    pending: int = 0  # upper bound of the bytes of the chunk that is not written yet
     chunks: int = 0
 
     def information(self) -> dict[str, Any]:
-        """Return what metadata.yaml tells of the file."""
+        """Return the entry of metadata.yaml about the file."""
         return {"path": self.path.name, **_span(self.first, self.last), "message_count": self.counts.total()}
 
 
@@ -130,11 +130,11 @@ def _span(first: int, last: int) -> dict[str, Any]:
 
 
 class SplitRule(NamedTuple):
-    """When the next file of a bag begins.
+    """Limits of one file of a bag, at which the next file begins.
 
     Attributes:
-        size: Bytes of a file; 0 for any.
-        duration: s, from the first to the last message of a file; 0 for any.
+        size: Largest size of a file, bytes; 0 for no limit.
+        duration: Longest time from the first to the last message of a file, s; 0 for no limit.
     """
 
     size: int = 0
@@ -145,24 +145,27 @@ ONE_FILE = SplitRule()
 
 
 class BagFile:
-    """A new bag. A message is taken only if its file has room for it and for the index.
+    """Writer of a new bag.
+
+    Before each `write`, `make_room` allocates disk space for the message and for the index. So the bag can be closed with a complete index
+    even when the disk has become full.
 
     Attributes:
-        directory: The bag.
-        counts: Messages written, by topic.
+        directory: Directory of the bag.
+        counts: Number of messages written, by topic.
     """
 
     def __init__(self, directory: Path, reserve: int = RESERVE, *, compression: str = "none", split: SplitRule = ONE_FILE) -> None:
         """Make the directory and open the first file.
 
         Args:
-            directory: The bag, which must not exist.
-            reserve: Bytes of the disk that are to stay free.
-            compression: Of chunks, one of COMPRESSIONS.
-            split: When the next file begins.
+            directory: Directory of the bag, which must not exist yet.
+            reserve: Bytes that must stay free on the disk.
+            compression: Compression of the chunks, one of COMPRESSIONS.
+            split: When the next file of the bag begins.
 
         Raises:
-            BagError: If `directory` exists, cannot be made or has no room.
+            BagError: The directory exists already or cannot be made, or the disk has no room.
         """
         self.directory, self.counts = Path(directory), dict[str, int]()
         self._reserve, self._compression, self._split = reserve, compression, split
@@ -179,7 +182,7 @@ class BagFile:
 
     @property
     def free(self) -> int:
-        """Bytes free on the disk when the file was last allocated."""
+        """Bytes that were free on the disk when space was last allocated."""
         return self._part.file.free
 
     @property
@@ -187,7 +190,7 @@ class BagFile:
         return self._parts[-1]
 
     def _begin(self) -> None:
-        """Open the next file, and close the one before it. Raises OSError if there is no room; then the one before it stays."""
+        """Open the next file, and close the one before it. Raises OSError if there is no room; then the one before it stays open."""
         suffix = f"_{len(self._parts)}" if self._split != ONE_FILE else ""
         path = self.directory / f"{self.directory.name}{suffix}.mcap"
         file = _File(path, self._reserve)
@@ -213,13 +216,13 @@ class BagFile:
         part.file.close()
 
     def add_topic(self, name: str, kind: str, offered: Sequence[Qos], types: Typestore = TYPES) -> None:
-        """Begin a topic.
+        """Add a topic to the bag.
 
         Args:
             name: Name of the topic, which must be new.
-            kind: Type, e.g. "sensor_msgs/msg/Image".
+            kind: Message type, e.g. "sensor_msgs/msg/Image".
             offered: Quality of service of each publisher.
-            types: What defines the type.
+            types: Type store that has the definition of the type.
         """
         definition = types.generate_msgdef(kind, ros_version=2)[0].encode()
         topic = self._topics[name] = _Topic(name, kind, definition, types.hash_rihs01(kind), tuple(offered))
@@ -228,19 +231,19 @@ class BagFile:
         self._register(topic)
 
     def _register(self, topic: _Topic) -> None:
-        """Begin a topic in the present file."""
+        """Add a topic to the present file."""
         writer = self._part.writer
         qos = yaml.safe_dump(dump_qos_v9(list(topic.offered)), sort_keys=False).strip()
         schema = writer.register_schema(topic.kind, "ros2msg", topic.definition)
         self._part.channels[topic.name] = writer.register_channel(topic.name, "cdr", schema, {"offered_qos_profiles": qos})
 
     def attach(self, name: str, time: int, media_type: str, data: bytes) -> None:
-        """Add a file to the bag, an attachment of MCAP.
+        """Store a small file in the bag, as an attachment of MCAP.
 
         Args:
-            name: Its name.
-            time: ns, when it was made.
-            media_type: E.g. "application/yaml".
+            name: Name of the attachment.
+            time: Time at which its content was made, ns.
+            media_type: Media type, e.g. "application/yaml".
             data: Its content.
 
         Raises:
@@ -249,14 +252,17 @@ class BagFile:
         self._overhead += PER_TOPIC
         self._allocate(len(data))
         self._part.writer.add_attachment(time, time, name, media_type, data)
-        self._part.file.flush()  # an attachment is to outlive a crash
+        self._part.file.flush()  # an attachment must survive a crash
 
     def make_room(self, size: int, time: int) -> None:
-        """Allocate the file for one more message; begin the next file if it is time. Raises OSError if there is no room.
+        """Allocate disk space for one more message, in the next file of the bag if the present one has reached a limit of the split rule.
 
         Args:
-            size: Bytes of the message.
-            time: ns, when it was received.
+            size: Size of the message, bytes.
+            time: Time at which it was received, ns.
+
+        Raises:
+            OSError: The disk has no room.
         """
         part, (largest, longest) = self._part, self._split
         if part.first and ((largest and part.file.position + part.pending >= largest) or (longest and time - part.first >= longest * 1e9)):
@@ -269,15 +275,15 @@ class BagFile:
         part.file.allocate(part.file.position + part.pending + self._overhead + index + size)
 
     def write(self, topic: str, time: int, data: bytes) -> None:
-        """Write a message for which there is room.
+        """Write a message for which `make_room` has allocated space.
 
         Args:
-            topic: A topic that was begun.
-            time: ns, when the message was received.
-            data: CDR.
+            topic: Name of a topic that was added.
+            time: Time at which the message was received, ns.
+            data: The serialized message (CDR).
 
         Raises:
-            OSError: If the disk fails. Then the bag is broken.
+            OSError: The disk failed. The bag is then broken.
         """
         part, before = self._part, self._part.file.position
         part.writer.add_message(part.channels[topic], time, data, time)
@@ -289,17 +295,17 @@ class BagFile:
         self.counts[topic] += 1
 
     def close(self, dropped: Mapping[str, int] | None = None, missed: Mapping[str, int] | None = None) -> Summary:
-        """Write the index and the metadata, in which the losses are noted.
+        """Write the index and the metadata, with the numbers of lost messages, and close the bag.
 
         Args:
-            dropped: As in Summary.
-            missed: As in Summary.
+            dropped: Messages that were not written, by topic, as in Summary.
+            missed: Messages that never arrived, by topic, as in Summary.
 
         Returns:
-            What was recorded.
+            Summary of the bag.
 
         Raises:
-            OSError: If the disk fails. Then the bag has no index.
+            OSError: The disk failed. The bag then has no complete index.
         """
         dropped, missed = dropped or {}, missed or {}
         custom = {name: json.dumps(losses) for name, losses in (("dropped", dropped), ("missed", missed)) if losses}
@@ -313,7 +319,7 @@ class BagFile:
         return Summary(self.directory, self.counts, information["duration"]["nanoseconds"] * 1e-9, size, dropped, missed)
 
     def _information(self, parts: Sequence[_Part], custom: Mapping[str, str] | None) -> dict[str, Any]:
-        """Return the contents of metadata.yaml about some of the files. custom: Notes of the recorder."""
+        """Return the content of metadata.yaml about some of the files. custom: additional texts of the recorder, by key."""
         filled = [part for part in parts if part.first] or [parts[0]]
         topics = [
             {
@@ -343,6 +349,6 @@ class BagFile:
         }
 
     def abort(self) -> None:
-        """Close the file as it is, without an index."""
+        """Close the present file as it is, without an index."""
         with suppress(OSError):
             self._part.file.close()

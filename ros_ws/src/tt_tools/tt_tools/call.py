@@ -1,4 +1,4 @@
-"""Calls a service with values that the command line gives, as `ros2 service call`."""
+"""Call a service with a request that is given on the command line, as `ros2 service call` does."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from .graph import discover, services
 from .message_text import from_values, values_of
 from .packages import full_name, interface
 
-PATIENCE = 10.0  # s for the service to be there
+PATIENCE = 10.0  # s, longest wait for the service to appear
 
 
 def call(service: str, kind: str, values: str, period: float | None = None) -> None:
     """Call a service and print its response.
 
     Args:
-        service: Its name.
-        kind: Its type, e.g. std_srvs/srv/Trigger.
-        values: The request as a YAML mapping.
-        period: s between two calls; one call if None.
+        service: Name of the service.
+        kind: Type of the service, e.g. std_srvs/srv/Trigger.
+        values: The request as a YAML mapping of its fields.
+        period: Time from one call to the next, s; None to call once.
 
     Raises:
-        TtError: Nobody serves it, or with another type, or the values are none of the type.
-        KeyboardInterrupt: On an interrupt.
+        TtError: No node offers the service, it has another type, or the values do not fit the request.
+        KeyboardInterrupt: The user has interrupted the command.
     """
     server = interface(kind)
     if not hasattr(server, "Request"):
@@ -46,7 +46,7 @@ def call(service: str, kind: str, values: str, period: float | None = None) -> N
             last = time.monotonic()
             print(f"requester: making request: {request!r}\n", flush=True)
             answer = client.call_async(request)
-            while not answer.done():  # in short turns, between which an interrupt is seen
+            while not answer.done():  # spin in short turns, between which Python handles an interrupt
                 rclpy.spin_until_future_complete(node, answer, timeout_sec=0.1)
             print(f"response:\n{answer.result()!r}\n", flush=True)
             if period is None:
@@ -57,7 +57,7 @@ def call(service: str, kind: str, values: str, period: float | None = None) -> N
 
 
 def _wait(client: Any) -> None:
-    """Wait for a service. Raises TtError if it does not come."""
+    """Wait until a service is ready. Raises TtError after PATIENCE s."""
     end = time.monotonic() + PATIENCE
     if not client.service_is_ready():
         print("waiting for service to become available...", flush=True)

@@ -1,4 +1,4 @@
-"""What a bag holds, in the words of `ros2 bag info`."""
+"""Describe the content of a bag, in the format of `ros2 bag info`."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from tt_core.ros.bags import Bag, Topic, bag_files
 
-LABEL = 19  # characters of the longest label and a space
+LABEL = 19  # characters, width of the column of labels
 STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "rosbag_v1"}
 SORTS = ("name", "type", "count")
 
 
 class Description(NamedTuple):
-    """What a bag holds.
+    """Content of a bag.
 
     Attributes:
-        files: Paths of its files, relative to it.
-        storage: "mcap", "sqlite3" or "rosbag_v1".
-        size: Bytes of its files.
-        start: ns, of the first message.
-        end: ns, of the last message.
+        files: Names of its files.
+        storage: Format of its files: "mcap", "sqlite3" or "rosbag_v1".
+        size: Size of its files, bytes.
+        start: Time of the first message, ns.
+        end: Time of the last message, ns.
         topics: All topics.
-        sizes: Bytes of the messages of each topic; empty unless they were counted.
-        attachments: Names of the files that the recorder added.
-        losses: Messages that are not in the bag by topic, by the cause.
+        sizes: Bytes of all messages of a topic, by topic; empty unless they were counted.
+        attachments: Names of the attachments, which are files that the recorder added.
+        losses: Number of messages that were lost, by topic, for each cause of CAUSES.
     """
 
     files: list[str]
@@ -47,14 +47,14 @@ CAUSES = {"dropped": "because the disk was full or slow", "missed": "by the midd
 
 
 def describe(path: Path, *, sizes: bool = False) -> Description:
-    """Read what a bag holds.
+    """Return a description of a bag.
 
     Args:
         path: A bag of any kind.
-        sizes: Whether all messages are read to tell their sizes.
+        sizes: Whether all messages are read to count the bytes of each topic.
 
     Raises:
-        BagError: It cannot be read.
+        BagError: The bag cannot be read.
     """
     files = bag_files(Path(path))
     with Bag(path) as bag:
@@ -79,7 +79,12 @@ def _attachments(file: Path) -> list[str]:
 
 
 def lines(found: Description, sort: str = "name") -> Iterator[str]:
-    """Yield the lines about a bag. sort: one of SORTS, the order of the topics."""
+    """Yield the lines that `ros2 bag info` prints about a bag.
+
+    Args:
+        found: Content of the bag.
+        sort: Order of the topics, one of SORTS.
+    """
 
     def labelled(label: str, values: list[str]) -> Iterator[str]:
         for i, value in enumerate(values or [""]):

@@ -1,7 +1,7 @@
-"""Errors of the command line."""
+"""Errors of the `ros2` command line."""
 
 from tt_core.errors import TtError
 
 
 class GraphError(TtError):
-    """Something that is not in the graph, or not of the kind that was asked for."""
+    """Error: the command line names a node, a topic or a field of a message that does not exist, or that has not the expected type."""

@@ -1,4 +1,4 @@
-"""The definition of a message, service or action type, with those of the types that it is made of."""
+"""Text of the definition of a message, service or action type, with the definitions of the types that it is made of."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ BASIC = INTEGERS | {"bool", "byte", "char", "float32", "float64", "string", "wst
 
 
 def definition(name: str, *, comments: bool = True, nested_comments: bool = False, indent: int = 0) -> Iterator[str]:
-    """Yield the lines of a definition; a field of another type is followed by the lines of that type, indented by tabs.
+    """Yield the lines of the definition of a type. A field of a message type is followed by the lines of that type, indented by a tab.
 
     Args:
-        name: E.g. "nav_msgs/msg/Odometry".
-        comments: Whether comments and empty lines are given.
-        nested_comments: Whether those of nested types are given.
-        indent: Tabs before each line.
+        name: Full name of the type, e.g. "nav_msgs/msg/Odometry".
+        comments: Whether comments and empty lines are included.
+        nested_comments: Whether those of nested types are included.
+        indent: Number of tabs before each line.
 
     Raises:
         NotFound: There is no such type.
@@ -38,7 +38,15 @@ def definition(name: str, *, comments: bool = True, nested_comments: bool = Fals
 
 
 def nested_type(line: str, package: str) -> str | None:
-    """Return the full name of the message type of a field, None for a basic type and for what is no field."""
+    """Return the full name of the message type that a field has.
+
+    Args:
+        line: A line of a definition, e.g. "Header header".
+        package: Package of the definition, to which a type without a package belongs.
+
+    Returns:
+        The full name, e.g. "std_msgs/msg/Header"; None if the field has a basic type, or the line declares no field.
+    """
     match = FIELD.match(line.partition("#")[0].rstrip())
     if not match or match["type"] in BASIC:
         return None

@@ -1,4 +1,4 @@
-"""Keys of the terminal, read one by one without Enter."""
+"""Read single keys from the terminal, without waiting for Enter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HELP = "keys: space pauses and goes on, right plays the next message, left goes 
 
 
 def attached() -> bool:
-    """Tell whether there is a terminal, and this process is the one that it listens to."""
+    """Return whether standard input is a terminal and this process is in its foreground, so that it gets the keys."""
     with suppress(OSError, ValueError):
         return sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
     return False
@@ -22,7 +22,7 @@ def attached() -> bool:
 
 @contextmanager
 def keyboard() -> Iterator[int]:
-    """Let the terminal give each key at once, and yield its file descriptor."""
+    """Let the terminal pass on each key at once within this context, and yield its file descriptor."""
     descriptor = sys.stdin.fileno()
     before = termios.tcgetattr(descriptor)
     try:
@@ -33,5 +33,5 @@ def keyboard() -> Iterator[int]:
 
 
 def read_key(descriptor: int) -> str | None:
-    """Return the name of a key that was pressed, None for one without a meaning here."""
+    """Read a pressed key and return its name, a value of SEQUENCES; None for any other key. descriptor: of the terminal."""
     return SEQUENCES.get(os.read(descriptor, 8))

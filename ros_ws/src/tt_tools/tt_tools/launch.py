@@ -1,8 +1,8 @@
-"""Starts the processes of a launch file and keeps them together.
+"""Start the processes of a launch file, restart them if the file asks for it, and end them together.
 
-The files are those of the YAML frontend of ROS 2 launch, of which this reads what we use: `arg`, `set_env`, `node` and `executable` with
-the keys below and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG), $(dirname), $(not-equals A B) and
-$(and A B), whose operands may be substitutions themselves. https://github.com/ros2/launch
+Launch files are those of the YAML frontend of ROS 2 launch, https://github.com/ros2/launch. This module reads the part of the language that
+the project uses: the entries and keys of `_KEYS`, and the substitutions $(var NAME), $(env NAME DEFAULT), $(find-pkg-share PKG),
+$(dirname), $(not-equals A B) and $(and A B), whose operands may be substitutions themselves.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from tt_core.errors import TtError
 from . import packages
 
 PATIENCE = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
-GUARD = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()  # if we are killed, the kernel ends what we started
-RESTARTS, WITHIN = 5, 60.0  # restarts of one process within s; one that dies more often is given up, and all end
-REFUSED = 2  # exit code of a node that refuses its parameters: it would do so again
-STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # exit codes that are no failure
+GUARD = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()  # the kernel ends our processes if this one is killed
+RESTARTS, WITHIN = 5, 60.0  # most restarts of one process within so many s; if it ends once more, all processes are ended
+REFUSED = 2  # exit code of a node that refuses its parameters: it is not restarted, because it would refuse them again
+STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # exit codes that are not a failure
 
 _SHARED = {"name", "if", "unless", "on_exit", "output", "respawn", "respawn_delay", "respawn_max_retries"}
 _KEYS = {
@@ -50,12 +50,18 @@ _SUBSTITUTION = re.compile(rf"\$\(([\w-]+)((?: +(?:{_OPERAND.pattern}))*)\)")
 
 
 class LaunchError(TtError):
-    """A launch file or an argument that cannot be used."""
+    """Error: a launch file, or an argument of it, cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """An argument of a launch file; without `default` it must be given."""
+    """An argument that a launch file declares.
+
+    Attributes:
+        name: Name of the argument.
+        default: Its value unless one is given; None if one must be given.
+        description: What it means, for people.
+    """
 
     name: str
     default: str | None
@@ -64,12 +70,16 @@ class Argument:
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What to start.
+    """A process that a launch file starts.
 
     Attributes:
-        required: Its end is the end of all.
-        environment: Variables that it has beside ours.
-        respawn: It is started again when it has ended, `respawn_delay` s later and at most `respawn_max_retries` times, -1: any number.
+        name: Name before each line of its output.
+        command: The program and its arguments.
+        required: Whether all processes are ended when this one ends (`on_exit: shutdown`).
+        environment: Environment variables that are set for it, in addition to those of this process.
+        respawn: Whether it is started again when it has ended; without effect if it is required.
+        respawn_delay: Time from its end to its restart, s.
+        respawn_max_retries: Most restarts; -1 for no limit. Independent of it, RESTARTS limits how often it may end in WITHIN s.
     """
 
     name: str
@@ -82,7 +92,10 @@ class Process:
 
 
 def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    """Return kind and keys of each entry of a launch file.
+    """Read a launch file.
+
+    Returns:
+        For each entry its kind, e.g. "node", and its keys with their values, in the order of the file. Nothing is substituted yet.
 
     Raises:
         LaunchError: The file is no launch file, or uses a part of the language that is not supported here.
@@ -101,25 +114,25 @@ def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
 
 
 def arguments(path: Path) -> list[Argument]:
-    """Return the arguments that a launch file declares. Raises LaunchError for what is no launch file."""
+    """Return the arguments that a launch file declares. Raises LaunchError if the file is no launch file."""
     return [Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read(path) if kind == "arg"]
 
 
 def is_true(text: str) -> bool:
-    """Return what a condition says. Raises LaunchError if it is neither true nor false."""
+    """Return the value of a condition: True for "true" and "1", False for "false" and "0". Raises LaunchError for other texts."""
     if text.lower() not in ("true", "1", "false", "0"):
         raise LaunchError(f"a condition is {text!r}, neither true nor false")
     return text.lower() in ("true", "1")
 
 
 def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quote: Callable[[str], str] = str) -> str:
-    """Replace the substitutions in a text.
+    """Return a text in which substitutions are replaced by their values.
 
     Args:
-        text: With substitutions such as $(var name).
-        values: Of the arguments of the launch file.
-        folder: Of the launch file, for $(dirname).
-        quote: Is applied to each value.
+        text: Text with substitutions such as $(var name).
+        values: Values of the launch file's arguments, by name.
+        folder: Folder of the launch file, the value of $(dirname).
+        quote: Function that is applied to each value before it is inserted, e.g. shlex.quote.
 
     Raises:
         LaunchError: A substitution is unknown, has no value, or is not closed.
@@ -146,7 +159,7 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
 
 
 def parameter_file(name: str) -> str:
-    """Return the absolute path of a parameter file. Raises LaunchError if there is none."""
+    """Return the absolute path of a parameter file. Raises LaunchError if the file does not exist."""
     path = Path(name).absolute()
     if not path.is_file():
         raise LaunchError(f"there is no parameter file {path}")
@@ -158,10 +171,10 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
 
     Args:
         path: The launch file.
-        given: Values of its arguments by name.
+        given: Values of its arguments, by name; the others have their defaults.
 
     Raises:
-        LaunchError: The file or an argument cannot be used.
+        LaunchError: The launch file or an argument cannot be used.
         NotFound: A package or an executable is not installed.
     """
     path, given = Path(path).absolute(), given or {}
@@ -206,7 +219,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
             yield from ("-p", f"{fill(param['name'])}:={value}")
 
     found, environment = [], dict[str, str]()
-    namespace, remaps, parameters = "", list[dict[str, str]](), list[str]()  # of all nodes that follow
+    namespace, remaps, parameters = "", list[dict[str, str]](), list[str]()  # apply to all nodes that follow in the file
     for kind, keys in read(path):
         if kind == "arg" or not holds(keys.get("if", "true")) or holds(keys.get("unless", "false")):
             continue
@@ -245,20 +258,30 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
 
 
 class System:
-    """Running processes, each in a session of its own; their output is passed on line by line with their names before it.
+    """The running processes of a launch file. It is a context manager that starts them on entry and ends all of them on exit.
 
-    As a context manager it leaves none of them behind. They also end with the thread that enters it. Processes are started again by `wait`.
+    Each process runs in a session of its own. Each line of its output is passed on with its name before it. The processes also end when the
+    thread that entered the context ends. Processes that have ended are restarted only while `wait` runs.
+
+    Attributes:
+        failed: Exit codes of the processes that failed, by name.
     """
 
     def __init__(self, processes: Sequence[Process], tell: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
-        self.failed: dict[str, int] = {}  # exit codes of those that failed, by name
+        """Keep the processes, without starting them.
+
+        Args:
+            processes: What the context will start.
+            tell: Called with each line of output.
+        """
+        self.failed: dict[str, int] = {}
         self._processes, self._tell = processes, tell
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
-        self._last_lines: dict[str, str] = {}  # that each process told
-        self._restarts: dict[str, list[float]] = {}  # when each was started again, s, monotonic
-        self._pending = 0  # restarts that wait for their delay
-        # a child: it has ended; a process: to be started again; None: interrupted
+        self._last_lines: dict[str, str] = {}  # last line of output of each process, by name
+        self._restarts: dict[str, list[float]] = {}  # when each process was restarted, s of the monotonic clock
+        self._pending = 0  # number of restarts that wait for their delay
+        # events: a child that has ended, a process to be restarted, or None for an interrupt
         self._events: queue.SimpleQueue[subprocess.Popen[str] | Process | None] = queue.SimpleQueue()
         self._over = self._stopping = False
 
@@ -287,7 +310,7 @@ class System:
             thread.start()
 
     def interrupt(self) -> None:
-        """End `wait`, or shorten `stop`. A signal handler may call it."""
+        """End `wait`; if `stop` is running, let it send the next signal at once. A signal handler may call this."""
         self._events.put(None)
 
     def _next(self, timeout: float | None) -> bool:
@@ -309,7 +332,7 @@ class System:
 
     def _on_end(self, child: subprocess.Popen[str]) -> None:
         process = self._running.pop(child)
-        self._signal(child, signal.SIGKILL)  # what it may have left in its group
+        self._signal(child, signal.SIGKILL)  # ends processes that it may have left in its group
         self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
         if process.respawn and not (process.required or self._stopping) and self._restart(process, child.returncode):
             return
@@ -319,7 +342,7 @@ class System:
         self._over = self._over or process.required
 
     def _restart(self, process: Process, code: int) -> bool:
-        """Schedule the restart of a process that ended with exit code `code`. Return False if it is not started again."""
+        """Schedule the restart of a process that ended with exit code `code`. Return False if it is not restarted."""
         now, times = time.monotonic(), self._restarts.setdefault(process.name, [])
         often = sum(now - at < WITHIN for at in times) >= RESTARTS
         if often or code == REFUSED:
@@ -339,13 +362,14 @@ class System:
     def wait(self, timeout: float | None = None) -> bool:
         """Wait for the end of the system, and restart processes meanwhile.
 
-        The end is that of a required process, of all processes, of one that died too often, or a call of `interrupt`.
+        The system has ended when a required process or all processes have ended, when a process with `respawn` ended too often or refused
+        its parameters, or when `interrupt` was called.
 
         Args:
-            timeout: s.
+            timeout: Longest wait, s; None for no limit.
 
         Returns:
-            False if the timeout passed first.
+            True if the system has ended, False if the timeout passed first.
         """
         end = None if timeout is None else time.monotonic() + timeout
         while (self._running or self._pending) and not self._over:
@@ -359,7 +383,7 @@ class System:
             os.killpg(child.pid, number)
 
     def stop(self) -> None:
-        """End all processes: by SIGINT, after PATIENCE by SIGTERM, after PATIENCE again by SIGKILL."""
+        """End all processes: send SIGINT, after PATIENCE s SIGTERM, and after PATIENCE s more SIGKILL to those that still run."""
         self._stopping = True
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             for child, process in self._running.items():
@@ -373,7 +397,7 @@ class System:
             reader.join(timeout=1.0)
 
     def tell_failures(self) -> None:
-        """Tell the last line of each process that failed, after all else."""
+        """Pass on the exit code and the last line of output of each process that failed."""
         for name, code in self.failed.items():
             self._tell(f"[launch] {name} failed, exit code {code}: {self._last_lines.get(name, 'it told nothing')}")
 
@@ -391,7 +415,11 @@ class System:
 
 
 def run(processes: Sequence[Process]) -> int:
-    """Run processes until they end or a signal comes, and return the exit code: 1 if one of them failed. For the main thread only."""
+    """Run processes until they have ended or a signal arrives (SIGINT, SIGTERM or SIGHUP). To be called by the main thread only.
+
+    Returns:
+        Exit code: 1 if a process failed, otherwise 0.
+    """
     system = System(processes)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: system.interrupt())

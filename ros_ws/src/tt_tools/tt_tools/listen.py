@@ -1,4 +1,4 @@
-"""Listens to one topic and prints its messages, or how often, how large and how late they come; the words are those of ros2cli."""
+"""Listen to one topic, and print its messages, rate, delay or bandwidth. What is printed is worded as in ros2cli."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from .packages import interface
 from .qos import ALL, QosWords
 
 REPORT = 1.0  # s between two reports
-WAIT = 0.05  # s between two looks for a topic
+WAIT = 0.05  # s between two checks for a topic
 
 
 class _Listener(Node):
-    """Subscribes to one topic, whatever its type and quality of service."""
+    """Node that subscribes to one topic of any type and quality of service."""
 
     def __init__(self, topic: str, on_data: Callable[[bytes], None], *, kind: str = "", qos: QosWords | None = None, wait: bool = False):
         """Subscribe.
 
         Args:
-            topic: Its name.
-            on_data: Takes each serialized message.
-            kind: Message type; that of the graph if empty.
-            qos: What was asked for on the command line; what suits all publishers if None.
-            wait: Whether to wait until the topic is known.
+            topic: Name of the topic.
+            on_data: Called with each serialized message.
+            kind: Message type; "" for the type that the topic has in the graph.
+            qos: Quality-of-service options of the command line; None for a profile that suits all publishers.
+            wait: Whether to wait until the topic exists.
 
         Raises:
             GraphError: The topic has no type, or several.
@@ -69,7 +69,7 @@ class _Listener(Node):
         return dict(self.get_topic_names_and_types()).get(topic, [])
 
     def message(self, data: bytes) -> Any:
-        """Return a received message."""
+        """Return the message that serialized bytes hold."""
         return deserialize_message(data, self.kind)
 
 
@@ -80,16 +80,16 @@ def _warn_of_mismatch(topic: str, profile: QoSProfile, publishers: Collection[To
 
 
 class EchoOptions(NamedTuple):
-    """What is printed of each message.
+    """Options of `ros2 topic echo`: which messages are printed, and how.
 
     Attributes:
-        text: How messages are written.
-        csv: As values separated by commas instead of YAML.
-        field: A part of the message, by names with dots between and [i] for an element; the whole if empty.
-        raw: The serialized bytes instead.
-        filter: Python expression of `m`, the message or its part; only those for which it is true are printed.
-        once: End after the first.
-        timeout: s, to end after; never if None.
+        text: How messages are written as text.
+        csv: Whether messages are printed as values separated by commas, instead of YAML.
+        field: Part of the message that is printed, e.g. "poses[0].position.x"; "" for the whole message.
+        raw: Whether the serialized bytes are printed instead of text.
+        filter: Python expression of `m`, which is the message or its part. Only messages for which it is true are printed; "" for all.
+        once: Whether to end after the first message that was printed.
+        timeout: Time after which to end, s; None for no limit.
     """
 
     text: TextOptions = TextOptions()
@@ -105,11 +105,11 @@ def part(message: Any, field: str) -> Any:
     """Return a part of a message.
 
     Args:
-        message: Of any type.
-        field: E.g. "poses[0].position.x"; the message itself if empty.
+        message: A message of any type.
+        field: Names of fields with dots between them and [i] for an element, e.g. "poses[0].position.x"; "" for the message itself.
 
     Raises:
-        GraphError: It has no such part.
+        GraphError: The message has no such part.
     """
     for step in field.replace("[", ".[").split(".") if field else ():
         try:
@@ -120,16 +120,16 @@ def part(message: Any, field: str) -> Any:
 
 
 def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
-    """Print the messages of a topic until it is interrupted.
+    """Print the messages of a topic until the options or the user end it.
 
     Args:
-        topic: Its name.
-        kind: Message type; that of the graph if empty.
-        qos: What was asked for on the command line.
-        options: What is printed.
+        topic: Name of the topic.
+        kind: Message type; "" for the type that the topic has in the graph.
+        qos: Quality-of-service options of the command line.
+        options: Which messages are printed, and how.
 
     Raises:
-        TtError: The topic or a field is not there, or the filter fails.
+        TtError: The topic or the field does not exist, or the filter fails.
     """
     listeners: list[_Listener] = []
 
@@ -161,15 +161,15 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
 
 
 def evaluate(expression: str, message: Any) -> Any:
-    """Return what a Python expression of `m` is for a message. Raises TtError if it fails."""
+    """Return the value of a Python expression in which `m` is the message. Raises TtError if the evaluation fails."""
     try:
-        return eval(expression, {}, {"m": message})  # the expression is that of the person at the command line
+        return eval(expression, {}, {"m": message})  # the expression comes from the user's own command line
     except Exception as error:
         raise TtError(f"{expression!r} fails: {error}") from error
 
 
 def _run(make: Callable[[], Node]) -> None:
-    """Run a node; as in ros2cli the exit code is 1 if it cannot be made."""
+    """Make a node and spin it. As in ros2cli, the exit code is 1 if it cannot be made."""
     try:
         run(make)
     except SystemExit as ended:
@@ -177,7 +177,7 @@ def _run(make: Callable[[], Node]) -> None:
 
 
 class Spread(NamedTuple):
-    """Mean, least, largest and standard deviation of values."""
+    """Mean, smallest value, largest value and standard deviation of some values, in their unit."""
 
     mean: float
     least: float
@@ -186,19 +186,19 @@ class Spread(NamedTuple):
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Return the statistics of at least one value."""
+    """Return mean, smallest and largest value and standard deviation of at least one value."""
     mean = sum(values) / len(values)
     return Spread(mean, min(values), max(values), math.sqrt(sum((value - mean) ** 2 for value in values) / len(values)))
 
 
 def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> None:
-    """Print the rate of a topic every second.
+    """Print the rate of a topic every second, until the user ends it.
 
     Args:
-        topic: Its name.
-        window: Messages over which is averaged.
-        filter: As in EchoOptions.
-        wall: Whether time is that of this machine, or of /clock.
+        topic: Name of the topic.
+        window: Number of the newest messages over which the rate is averaged.
+        filter: Python expression of the message `m`; only messages for which it is true are counted; "" for all.
+        wall: Whether times are read from the monotonic clock of this machine; if not, from the clock of the node.
     """
     times: deque[float] = deque(maxlen=window + 1)
 
@@ -220,7 +220,12 @@ def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> 
 
 
 def print_delay(topic: str, window: int) -> None:
-    """Print every second how long after their stamps the messages of a topic come, over the last `window` of them."""
+    """Print the delay of a topic every second: the time from the stamp of a message to its arrival.
+
+    Args:
+        topic: Name of the topic, whose messages must have a header.
+        window: Number of the newest messages over which the delay is averaged.
+    """
     delays: deque[float] = deque(maxlen=window)
     new = [0]
 
@@ -243,7 +248,7 @@ def print_delay(topic: str, window: int) -> None:
 
 
 def print_bandwidth(topic: str, window: int) -> None:
-    """Print every second how much data a topic carries, over its last `window` messages."""
+    """Print every second how many bytes a second a topic carries, averaged over its newest `window` messages."""
     sizes: deque[tuple[float, int]] = deque(maxlen=window)
 
     def report() -> None:
@@ -255,7 +260,12 @@ def print_bandwidth(topic: str, window: int) -> None:
 
 
 def bandwidth(sizes: Collection[tuple[float, int]], now: float) -> str:
-    """Return the two lines about the bandwidth. sizes: arrival (s) and bytes of each message; now: s."""
+    """Return the two lines that `ros2 topic bw` prints about the bandwidth of a topic.
+
+    Args:
+        sizes: Time of arrival (s) and size (bytes) of each message, of which there must be at least one.
+        now: Present time by the same clock, s.
+    """
     (first, _), *_ = sizes
     total = [size for _, size in sizes]
     per_second = sum(total) / (now - first)

@@ -1,4 +1,4 @@
-"""Messages as text, by the conventions of rosidl_runtime_py: YAML in block style, CSV, and values in YAML that fill a message."""
+"""Convert messages to YAML and CSV, and values in YAML to messages, by the conventions of rosidl_runtime_py."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ HEADER, TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
 class FieldError(TtError):
-    """Values that are none of a message.
+    """Error: values do not fit a message type.
 
     Attributes:
-        field: The field, with those that it is nested in, e.g. "header.stamp".
+        field: Name of the field, after the fields that it is nested in, e.g. "header.stamp"; "" for the whole message.
     """
 
     def __init__(self, field: str, reason: object) -> None:
-        """Keep the field."""
+        """Keep the field, and make the error message from it and the reason."""
         super().__init__(f"Failed to populate field: {field}: {reason}" if field else f"Failed to populate field: {reason}")
         self.field = field
 
 
 class TextOptions(NamedTuple):
-    """How messages are written.
+    """How messages are written as text.
 
     Attributes:
-        truncate: Elements of an array and characters of a string that are written; None for all.
-        arrays: Whether the elements of arrays are written, or only their type and length.
-        strings: Whether strings are written, or only their length.
-        flow: Whether YAML is written in flow style.
+        truncate: Most elements of an array and most characters of a string that are written; None for all.
+        arrays: Whether the elements of arrays are written; if not, their type and length are.
+        strings: Whether strings are written; if not, their length is.
+        flow: Whether YAML is written in flow style, as {a: 1, b: 2}.
     """
 
     truncate: int | None = None
@@ -52,7 +52,7 @@ WHOLE = TextOptions()
 
 
 def to_plain(message: Any, options: TextOptions = WHOLE) -> dict[str, Any]:
-    """Return a message as dictionaries, lists, numbers and strings."""
+    """Return a message as nested dictionaries, lists, numbers and strings, shortened as the options tell."""
     names = message.get_fields_and_field_types()
     return {name: _plain(getattr(message, name), kind, options) for name, kind in zip(names, message.SLOT_TYPES, strict=True)}
 
@@ -91,14 +91,14 @@ def _abbreviated(value: Any, kind: AbstractNestedType) -> str:
 
 
 def to_yaml(message: Any, options: TextOptions = WHOLE) -> str:
-    """Return a message as YAML, one line for each value unless `options.flow`."""
+    """Return a message as YAML text, with one line for each value unless `options.flow` is set."""
     return str(
         yaml.safe_dump(to_plain(message, options), sort_keys=False, allow_unicode=True, width=sys.maxsize, default_flow_style=options.flow)
     )
 
 
 def to_csv(message: Any, options: TextOptions = WHOLE) -> str:
-    """Return the values of a message, separated by commas."""
+    """Return the values of a message in the order of its fields, separated by commas."""
 
     def values(value: Any) -> list[str]:
         if isinstance(value, dict):
@@ -111,15 +111,15 @@ def to_csv(message: Any, options: TextOptions = WHOLE) -> str:
 
 
 def from_values(message_type: Any, values: Any, now: Any = None) -> Any:
-    """Return a message.
+    """Return a message whose fields are set to given values.
 
     Args:
-        message_type: Its class.
-        values: A mapping as YAML gives it, nested as the message is; fields that are not named have their default values.
-        now: Time message that stands for "auto" of a header and "now" of a time; None if these words are not allowed.
+        message_type: Class of the message.
+        values: Mapping of field names to values, nested as the message is. Fields that are not named keep their default values.
+        now: Time message by which "auto" in place of a header and "now" in place of a time are replaced; None if both are not allowed.
 
     Raises:
-        FieldError: A field is not there or does not take its value.
+        FieldError: The message has no such field, or the field does not take its value.
     """
     return _filled(message_type, values, now, "")
 
@@ -141,7 +141,7 @@ def _filled(message_type: Any, values: Any, now: Any, path: str) -> Any:
 
 
 def _made(kind: Any, value: Any, now: Any, path: str) -> Any:
-    """Return a value in the type of a field."""
+    """Return a value, converted to the type of a field."""
     if isinstance(kind, AbstractNestedType):
         if not isinstance(value, Sequence) or isinstance(value, str):
             raise FieldError(path, f"{value!r} is no list")
@@ -168,7 +168,7 @@ def _number(kind: BasicType, value: Any, path: str) -> Any:
 
 
 def values_of(text: str) -> Any:
-    """Read values in YAML. Raises FieldError if they are none."""
+    """Return the mapping that a YAML text holds. Raises FieldError if the text is no YAML or no mapping."""
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError as error:

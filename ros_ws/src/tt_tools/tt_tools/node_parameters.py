@@ -1,4 +1,4 @@
-"""Collects the parameters of all nodes of a graph, each once, without waiting for answers."""
+"""Collect the parameters of all nodes of the graph. Each node is asked once, and callbacks take the answers, so that nothing waits."""
 
 from __future__ import annotations
 
@@ -17,39 +17,40 @@ SERVICE = "/list_parameters"
 
 
 def parameter_file(node: str, names: list[str], values: list[ParameterValue]) -> str:
-    """Return parameters as the text of a parameter file.
+    """Return the parameters of a node as the text of a parameter file (YAML).
 
     Args:
-        node: Full name of the node.
-        names: Of the parameters.
-        values: Of the parameters.
+        node: Full name of the node, e.g. /arm.
+        names: Names of the parameters. Dots in a name separate groups, which become nested mappings.
+        values: Values of the parameters, in the order of `names`.
     """
     content: dict[str, Any] = {}
     for name, value in sorted(zip(names, map(parameter_value_to_python, values), strict=True), key=lambda row: row[0]):
         inner, rest = content, name
         while "." in rest and isinstance(inner.get(group := rest.partition(".")[0], {}), dict):
             inner, rest = inner.setdefault(group, {}), rest.partition(".")[2]
-        # where a group has the name of a parameter, as `right` and `right.matrix`, the dot stays
+        # if a parameter has the name of a group, as `right` beside `right.matrix`, the name with the dot is kept as one key
         inner[rest] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, (list, bytes)) else value
     return str(yaml.safe_dump({node: {"ros__parameters": content}}, default_flow_style=False))
 
 
 class ParameterCollector:
-    """Asks each node for its parameters when it is discovered."""
+    """Asks each node of the graph for its parameters once, when the node has been discovered."""
 
     def __init__(self, node: Node, take: Callable[[str, dict[str, Any], str], None]) -> None:
-        """Begin.
+        """Keep the node and the callback. Requests are sent by `look`.
 
         Args:
-            node: Asks; its executor runs the answers.
-            take: Takes the full name of a node, its parameters by name, and the text of their parameter file.
+            node: Node that sends the requests. Its executor runs the callbacks of the answers.
+            take: Called once for each node that has answered, with the full name of the node, its parameter values by name, and the text of
+                its parameter file.
         """
         self._node, self._take = node, take
-        self._waiting: dict[str, tuple[Any, Any]] = {}  # clients of those that were not asked yet, by the names of the nodes
+        self._waiting: dict[str, tuple[Any, Any]] = {}  # service clients of the nodes that were not asked yet, by node name
         self._seen: set[str] = set()
 
     def look(self) -> None:
-        """Find new nodes, and ask those that are ready."""
+        """Find new nodes, and send requests to those whose parameter services are ready. To be called periodically."""
         for name, _ in self._node.get_service_names_and_types():
             owner = name.removesuffix(SERVICE)
             if owner != name and owner not in self._seen and not topic_or_service_is_hidden(owner):

@@ -1,4 +1,4 @@
-"""Parameters of running nodes: list, get, describe, set, dump and load them, with the words of ros2cli."""
+"""List, get, describe, set, dump and load the parameters of running nodes. What is printed is worded as in ros2cli."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .errors import GraphError
 from .graph import appears, graph, nodes, services
 from .node_parameters import parameter_file
 
-PATIENCE = 10.0  # s, for a node to be discovered, and to answer
-AGAIN = 3.0  # s after which a question is asked again
-TYPES = {  # as ros2cli names them: in a description, and before a value
+PATIENCE = 10.0  # s, longest wait for a node to be discovered, and for each of its answers
+AGAIN = 3.0  # s without an answer after which a request is sent again
+TYPES = {  # what ros2cli prints for each type: in a description, and before a value
     ParameterType.PARAMETER_NOT_SET: ("not set", "Parameter not set."),
     ParameterType.PARAMETER_BOOL: ("boolean", "Boolean value is:"),
     ParameterType.PARAMETER_INTEGER: ("integer", "Integer value is:"),
@@ -41,18 +41,18 @@ TYPES = {  # as ros2cli names them: in a description, and before a value
 
 
 class ParameterClient:
-    """The parameters of one running node."""
+    """Client that reads and sets the parameters of one running node."""
 
     def __init__(self, node: Node, name: str, patience: float = PATIENCE) -> None:
-        """Connect to a node.
+        """Connect to the parameter services of a node.
 
         Args:
-            node: Asks the questions; its executor is spun while they are answered.
-            name: Of the node asked, e.g. /arm.
-            patience: s, for it to be there and for each answer.
+            node: Node that sends the requests. Its executor is spun while an answer is awaited.
+            name: Name of the node whose parameters are meant, e.g. /arm.
+            patience: Longest wait for its services, and for each answer, s.
 
         Raises:
-            TtError: It is not there in time.
+            TtError: Its services do not appear in time.
         """
         self._node, self.name, self._patience = node, "/" + name.lstrip("/"), patience
         self._client = AsyncParameterClient(node, self.name)
@@ -60,11 +60,11 @@ class ParameterClient:
             raise TtError(f"no node {self.name} with parameters")
 
     def names(self) -> list[str]:
-        """Return the names of all parameters, sorted. Raises TtError without an answer."""
+        """Return the names of all parameters, sorted. Raises TtError if the node does not answer."""
         return sorted(self._ask(self._client.list_parameters).result.names)
 
     def values(self, names: list[str]) -> list[ParameterValue]:
-        """Return the values of `names`. Raises TtError for a name that is not declared, or without an answer."""
+        """Return the values of the parameters `names`, in order. Raises TtError if one is not declared or the node does not answer."""
         values = list(self._ask(partial(self._client.get_parameters, names)).values)
         if len(values) != len(names):
             unknown = sorted(set(names) - set(self.names()))
@@ -72,19 +72,26 @@ class ParameterClient:
         return values
 
     def descriptors(self, names: list[str]) -> list[ParameterDescriptor]:
-        """Return what the node tells about `names`. Raises TtError for a name that is not declared, or without an answer."""
-        self.values(names)  # a description is also given of what is not declared
+        """Return type, description and range of the parameters `names`, in their order.
+
+        Raises TtError if one is not declared or the node does not answer.
+        """
+        self.values(names)  # refuses undeclared names, which describe_parameters would answer, too
         return list(self._ask(partial(self._client.describe_parameters, names)).descriptors)
 
     def set(self, parameters: list[Parameter]) -> None:
-        """Set parameters one by one. Raises TtError with the reason for the first that is refused, or without an answer."""
+        """Set parameters one by one.
+
+        Raises:
+            TtError: The node refuses a parameter, with its reason, or does not answer. The parameters after it are not set.
+        """
         for parameter in parameters:
             (result,) = self._ask(partial(self._client.set_parameters, [parameter])).results
             if not result.successful:
                 raise TtError(f"Setting parameter failed: {parameter.name} = {parameter.value}: {result.reason}")
 
     def _ask(self, question: Callable[[], Future]) -> Any:
-        """Return the answer to a question, which is asked again after AGAIN: an answer is lost while a connection is being made."""
+        """Return the answer to a request. It is sent again after AGAIN s, because answers can be lost while a connection is being made."""
         assert self._node.executor is not None
         end = time.monotonic() + self._patience
         while (left := end - time.monotonic()) > 0.0:
@@ -97,7 +104,7 @@ class ParameterClient:
 
 @contextmanager
 def connected(name: str) -> Iterator[ParameterClient]:
-    """Yield a client of the node `name`. Raises GraphError if the node is not there."""
+    """Yield a client for the parameters of the node `name`. Raises GraphError if there is no such node."""
     full = "/" + name.lstrip("/")
     with graph() as node, _executor(node):
         if not appears(lambda: full in nodes(node, hidden=True)):
@@ -116,7 +123,7 @@ def _executor(node: Node) -> Iterator[None]:
 
 
 def show(node: str, name: str, *, hide_type: bool) -> None:
-    """Print the value of one parameter."""
+    """Print the value of the parameter `name` of a node, after its type unless `hide_type`."""
     with connected(node) as client:
         (value,) = client.values([name])
     content = parameter_value_to_python(value)
@@ -125,7 +132,7 @@ def show(node: str, name: str, *, hide_type: bool) -> None:
 
 
 def describe(node: str, names: list[str]) -> None:
-    """Print type, description and constraints of parameters."""
+    """Print type, description and constraints of the parameters `names` of a node."""
     with connected(node) as client:
         for descriptor in client.descriptors(names):
             print(f"Parameter name: {descriptor.name}\n  Type: {TYPES[descriptor.type][0]}")
@@ -141,17 +148,17 @@ def describe(node: str, names: list[str]) -> None:
 
 
 def dump(node: str) -> str:
-    """Return all parameters of a node as the text of a parameter file, which can start the node again."""
+    """Return all parameters of a node as the text of a parameter file (YAML), with which the node can be started again."""
     with connected(node) as client:
         names = client.names()
         return parameter_file(client.name, names, client.values(names))
 
 
 def load(node: str, file: Path) -> None:
-    """Set the parameters of a file on a running node.
+    """Set the parameters of a parameter file on the running node `node`, and print the name of each.
 
     Raises:
-        TtError: The file cannot be read or has none for the node, or the node refuses one.
+        TtError: The file cannot be read or has no parameters for the node, or the node is not there or refuses one of them.
     """
     try:
         messages = parameter_dict_from_yaml_file(str(file), use_wildcard=True, target_nodes=["/" + node.lstrip("/")])
@@ -166,16 +173,18 @@ def load(node: str, file: Path) -> None:
 
 
 def print_names(name: str | None, prefixes: tuple[str, ...], *, hidden: bool, types: bool) -> None:
-    """Print the parameters of one node, or of all that have some.
+    """Print the names of the parameters of one node, or of all nodes that have parameters.
+
+    When all nodes are asked, the error of a node that does not answer is printed on stderr, and the others are still printed.
 
     Args:
-        name: Of the node; all if None.
-        prefixes: Only parameters that begin with one of them; all if empty.
-        hidden: Whether nodes are asked whose names begin with _.
-        types: Whether types are printed, too.
+        name: Name of the node; None for all nodes.
+        prefixes: Only parameters whose names begin with one of these are printed; all if empty.
+        hidden: Whether nodes whose names begin with _ are included.
+        types: Whether the type of each parameter is printed, too.
 
     Raises:
-        TtError: The node is not there, or does not answer. Of all nodes, one that does not answer is told on stderr.
+        TtError: The node `name` is not there or does not answer.
     """
     with graph() as node, _executor(node):
         full = [f"/{name.lstrip('/')}"] if name else sorted(set(nodes(node, hidden=hidden)))
@@ -201,7 +210,7 @@ def print_names(name: str | None, prefixes: tuple[str, ...], *, hidden: bool, ty
 
 
 def set_value(node: str, name: str, text: str) -> None:
-    """Set one parameter to a value in YAML. Raises TtError if the node refuses it."""
+    """Set the parameter `name` of a node to the value that `text` holds as YAML. Raises TtError if the node is not there or refuses it."""
     with connected(node) as client:
         client.set([Parameter(name, value=yaml.safe_load(text))])
     print("Set parameter successful")

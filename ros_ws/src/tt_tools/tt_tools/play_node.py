@@ -1,4 +1,4 @@
-"""Publishes a recording byte for byte, after the subscribers that it waits for have come."""
+"""Play a bag: publish its messages byte for byte as they were recorded, after the subscribers that playback waits for have come."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ from .packages import NotFound, interface
 from .play import Playback, PlaybackItem, with_clock
 
 DEPTH = 1000  # messages that a slow subscriber may be behind
-POLL = 0.05  # s between two looks for subscribers
-SETTLED = 1.0  # s, within which running nodes are usually discovered: playback that waits begins when no other one has come for so long
-CONNECTION = 3.0  # s, at most, for the nodes that are there to connect
-STANDING = 0.05  # s between two ticks of a clock that stands still
-BACK, FASTER = 10**9, 1.1  # ns and factor of the rate, of one key
-ACKNOWLEDGED, SLICE = 2.0, 0.05  # s at the end for reliable subscribers, in slices between which an interrupt is seen
+POLL = 0.05  # s between two checks for subscribers
+SETTLED = 1.0  # s from when nothing is missing to the begin of playback that waits; running nodes are usually discovered within it
+CONNECTION = 3.0  # s, longest wait for nodes that run already to connect
+STANDING = 0.05  # s between two messages on /clock while playback is paused
+BACK, FASTER = 10**9, 1.1  # what one key changes: the position by ns, the rate by a factor
+ACKNOWLEDGED, SLICE = 2.0, 0.05  # s, longest wait at the end for acknowledgements, in slices between which an interrupt is handled
 
 
 @dataclass(frozen=True)
 class PlayParams:
-    """What is played and how."""
+    """Parameters of the player: what it plays, and how."""
 
     bag: str = param("", "", "path of a bag of any kind")
     rate: float = param(1.0, "", "recorded seconds in a second", low=1e-3, high=1e3, dynamic=True)
@@ -79,7 +79,7 @@ class PlayParams:
         check(self)
 
     def wants(self, topic: str) -> bool:
-        """Tell whether a topic passes the regular expressions. Raises TtError for one that is none."""
+        """Return whether a topic passes `regex` and `exclude`. Raises TtError if one of them is no valid regular expression."""
         try:
             return bool(re.search(self.regex, topic)) and not (self.exclude and re.search(self.exclude, topic))
         except re.error as error:
@@ -87,9 +87,13 @@ class PlayParams:
 
 
 class Interrupts:
-    """Ends the sleep of the main thread: by other threads, by keys, and by SIGINT and SIGTERM, which never end it in the middleware."""
+    """Lets the main thread sleep until another thread, a key or a signal (SIGINT or SIGTERM) interrupts it.
+
+    A signal raises KeyboardInterrupt in `sleep` only, and so never inside a call of the middleware.
+    """
 
     def __init__(self) -> None:
+        """Take over SIGINT and SIGTERM. To be called by the main thread."""
         self._read, write = os.pipe()
         self._woken, self._wake = os.pipe()
         for descriptor in (write, self._woken, self._wake):
@@ -103,17 +107,17 @@ class Interrupts:
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def sleep(self, seconds: float, keyboard: int | None = None) -> bool:
-        """Sleep for `seconds`, or until another thread calls `wake` or a key is pressed.
+        """Sleep until `seconds` have passed, another thread calls `wake`, or a key is pressed.
 
         Args:
-            seconds: s.
-            keyboard: File descriptor of the terminal, None to ignore keys.
+            seconds: Longest sleep, s.
+            keyboard: File descriptor of the terminal; None to ignore keys.
 
         Returns:
             Whether a key waits to be read.
 
         Raises:
-            KeyboardInterrupt: A signal came, now or before.
+            KeyboardInterrupt: SIGINT or SIGTERM arrived during the sleep or before it.
         """
         watched = [self._read, self._woken] + ([] if keyboard is None else [keyboard])
         ready = select.select(watched, [], [], max(0.0, seconds))[0]
@@ -124,13 +128,13 @@ class Interrupts:
         return keyboard in ready
 
     def wake(self) -> None:
-        """End the present sleep, or the next one. Any thread may call it."""
-        with suppress(BlockingIOError):  # it is full, so the sleep ends anyway
+        """End the present sleep of the main thread, or its next one if it is awake. Any thread may call this."""
+        with suppress(BlockingIOError):  # the pipe is full, so the sleep ends anyway
             os.write(self._wake, b"x")
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Let a signal interrupt whatever is done in this context; it must not be the middleware."""
+        """Let signals raise KeyboardInterrupt at once within this context, which must not call the middleware."""
         self._handle(signal.default_int_handler)
         try:
             self.sleep(0.0)
@@ -140,7 +144,10 @@ class Interrupts:
 
 
 def offering_qos(recorded: Collection[Qos]) -> QoSProfile:
-    """Return the profile that serves every subscriber which the recorded publishers could serve."""
+    """Return the profile of a publisher that can serve every subscriber which the recorded publishers could serve.
+
+    It is reliable or transient local if one of the recorded publishers was, and reliable if none is known.
+    """
     reliable = not recorded or any(qos.reliability is QosReliability.RELIABLE for qos in recorded)
     durable = any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in recorded)
     return QoSProfile(
@@ -151,18 +158,18 @@ def offering_qos(recorded: Collection[Qos]) -> QoSProfile:
 
 
 class PlayNode(Node):
-    """Publishes the topics of a bag, and /clock with the recorded time.
+    """Node that publishes the topics of a bag and, if the parameter `clock` is set, /clock with the recorded time.
 
-    Services: ~/pause (SetBool) stops recorded time or lets it pass, ~/step (Trigger) plays one message while it is stopped. The parameters
-    `rate` and `position` act while it plays.
+    Services: ~/pause (SetBool) pauses or resumes playback; ~/step (Trigger) plays one message while playback is paused. The parameters
+    `rate` and `position` can be set while it plays.
     """
 
     def __init__(self, interrupts: Interrupts, params: PlayParams | None = None) -> None:
-        """Make the node.
+        """Declare the parameters and make the services.
 
         Args:
-            interrupts: Ends the sleep of the main thread when something is to be done.
-            params: What is played and how, unless the node's parameters say otherwise; the defaults if None.
+            interrupts: Wakes the main thread when a service was called or a parameter was set.
+            params: Defaults of the node's parameters; those of PlayParams if None.
         """
         super().__init__("player", enable_rosout=False)
         self._interrupts, self._playback = interrupts, Playback(0, 1.0, 0.0)
@@ -176,11 +183,11 @@ class PlayNode(Node):
         self.create_service(Trigger, "~/step", self._on_step)
 
     def _on_params(self, params: PlayParams) -> None:
-        """Keep what was set."""
+        """Keep the new parameters."""
         self.params = params
 
     def _on_set(self, parameters: list[Parameter]) -> None:
-        """Apply what acts at run time. A `position` that is set again acts again."""
+        """Apply the parameters that act while the node runs. Setting `position` to the same value again moves playback again."""
         for parameter in parameters:
             if parameter.name == "rate":
                 self._playback.set_rate(parameter.value, time.monotonic())
@@ -189,21 +196,21 @@ class PlayNode(Node):
         self._interrupts.wake()
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Stop recorded time, or let it pass, the service ~/pause."""
+        """Pause or resume playback: the service ~/pause."""
         self._playback.pause(request.data, time.monotonic())
         self._interrupts.wake()
         response.success, response.message = True, "paused" if request.data else "playing"
         return response
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Play one message while recorded time stands still, the service ~/step."""
+        """Play one message while playback is paused: the service ~/step."""
         response.success = self._playback.play_next()
         response.message = "one message" if response.success else "refused: playback is not paused"
         self._interrupts.wake()
         return response
 
     def _on_key(self, key: str | None) -> None:
-        """Do what a key stands for."""
+        """Do what a key asks for; see keys.HELP."""
         now = time.monotonic()
         if key == "space":
             self._playback.pause(not self._playback.paused, now)
@@ -215,11 +222,14 @@ class PlayNode(Node):
             self._playback.set_rate(self._playback.rate * (FASTER if key == "up" else 1.0 / FASTER), now)
 
     def offer(self, bag: Bag, remap: Mapping[str, str]) -> None:
-        """Make the publishers. Topics that cannot be played are left out, by name.
+        """Make a publisher for each topic of a bag that is to be played. A topic that cannot be played is left out with a warning.
 
         Args:
-            bag: What is played.
-            remap: New names by old ones.
+            bag: The bag that will be played.
+            remap: New names of topics, by their recorded names.
+
+        Raises:
+            BagError: No topic can be played, and no clock is to be published.
         """
         wanted = [expand_topic_name(name, self.get_name(), self.get_namespace()) for name in self.params.topics]
         for topic in bag.topics:
@@ -241,20 +251,21 @@ class PlayNode(Node):
             raise BagError(f"{bag.path} has nothing to play; its topics are {', '.join(topic.name for topic in bag.topics)}")
 
     def wait(self, start: int) -> None:
-        """Wait for subscribers; meanwhile the clock stands at the start.
+        """Wait for subscribers, and publish the time of the start on /clock meanwhile.
 
-        Without `wait_for` and `recorded` it waits until the nodes that are there already are discovered and connected.
+        With the parameter `wait_for` or `recorded`, wait for the subscribers that it asks for, at most `patience` s. Without both, wait
+        until the nodes that run already are discovered and connected.
 
         Args:
-            start: ns, time of the recording at which the clock stands.
+            start: Time in the recording that is published on /clock, ns.
 
         Raises:
-            TtError: If not all came within `patience`.
-            KeyboardInterrupt: If a signal came.
+            TtError: Not all subscribers came within `patience`.
+            KeyboardInterrupt: SIGINT or SIGTERM arrived.
         """
         patient = bool(self.params.wait_for or self.params.recorded)
         begin = time.monotonic()
-        since: float | None = None  # s, when the last one came
+        since: float | None = None  # s, from when on nothing is missing; None while something is
         discovery = Discovery(self)
         while since is None or time.monotonic() < since + (SETTLED if patient else 0.0):
             self._tick(start)
@@ -268,7 +279,7 @@ class PlayNode(Node):
                 return
 
     def _unconnected(self) -> list[str]:
-        """Return the topics whose subscribers are known and have not connected to this publisher."""
+        """Return the topics that have discovered subscribers, none of which has connected to our publisher yet."""
         outputs = [*self._outputs.values(), *([self._ticks] if self._ticks is not None else [])]
         return [output.topic_name for output in outputs if not output.get_subscription_count() and listeners(self, output.topic_name)]
 
@@ -287,17 +298,17 @@ class PlayNode(Node):
         return missing
 
     def play(self, bag: Bag, keyboard: int | None) -> int:
-        """Publish all messages.
+        """Publish the messages of a bag at their recorded times, as the parameters tell.
 
         Args:
-            bag: What is played.
-            keyboard: File descriptor of the terminal, None without one.
+            bag: The bag to play.
+            keyboard: File descriptor of the terminal whose keys control playback; None without one.
 
         Returns:
-            How many messages were published.
+            Number of messages that were published.
 
         Raises:
-            KeyboardInterrupt: If a signal came.
+            KeyboardInterrupt: SIGINT or SIGTERM arrived.
         """
         params = self.params
         first = bag.start + round(params.position * 1e9)
@@ -327,7 +338,7 @@ class PlayNode(Node):
         return count
 
     def _steps(self, bag: Bag, start: int) -> Iterator[PlaybackItem]:
-        """Return what is played from `start`, ns, on."""
+        """Return the messages and clock ticks to be played from `start` (ns of the recording) on."""
         topics = {name for name, _ in self._outputs} or {""}
         steps: Iterator[PlaybackItem] = (PlaybackItem(m.time, (m.topic, m.kind), m.data) for m in bag.messages(topics, start, self._stop))
         if self._ticks is None:
@@ -335,7 +346,7 @@ class PlayNode(Node):
         return with_clock(steps, start, self._stop, round(self._playback.rate / self.params.clock * 1e9))
 
     def _sleep_until(self, step: PlaybackItem, moves: int, keyboard: int | None) -> bool:
-        """Sleep until a step is due. Return False if playback was moved to another place meanwhile."""
+        """Sleep until a step is due. Return False if playback was moved to another position meanwhile."""
         while self._playback.moves == moves:
             now = time.monotonic()
             seconds = self._playback.wait(step, now)
@@ -364,21 +375,21 @@ def play(params: PlayParams | None = None, remap: Mapping[str, str] | None = Non
     """Play a bag to its end.
 
     Args:
-        params: What is played and how; by the ROS parameters of the command line if None.
-        remap: New names by old ones.
-        keys: Whether keys of the terminal act, if there is one.
+        params: What is played, and how; None to use the ROS parameters of the command line.
+        remap: New names of topics, by their recorded names; None for none.
+        keys: Whether keys of the terminal control playback, if there is a terminal.
 
     Returns:
-        How many messages were published.
+        Number of messages that were published.
 
     Raises:
-        TtError: If the bag cannot be read, or not all subscribers came that playback waits for.
-        KeyboardInterrupt: If SIGINT or SIGTERM came.
+        TtError: The bag cannot be read, or not all subscribers came that playback waits for.
+        KeyboardInterrupt: SIGINT or SIGTERM arrived.
     """
     interrupts = Interrupts()
     try:
         rclpy.init(args=[] if params else None, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # RCLError: arguments of ROS that are none
+    except RuntimeError as error:  # RCLError: the ROS arguments are not valid
         raise TtError(str(error).partition(", at /")[0]) from error
     node, thread = None, None
     try:
@@ -406,7 +417,7 @@ def play(params: PlayParams | None = None, remap: Mapping[str, str] | None = Non
 
 
 def _serve(node: Node) -> None:
-    """Answer services and parameters until the end of the context."""
+    """Answer services and parameter requests until rclpy is shut down. Runs in a thread of its own."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     with suppress(ExternalShutdownException):
@@ -414,7 +425,7 @@ def _serve(node: Node) -> None:
 
 
 def main() -> int:
-    """Play by the ROS parameters of the command line."""
+    """Play the bag that the ROS parameters of the command line name, and return the exit code."""
     try:
         print(f"played {play()} messages", flush=True)
     except TtError as error:

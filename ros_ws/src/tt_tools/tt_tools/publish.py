@@ -1,4 +1,4 @@
-"""Publishes a message that the command line gives, once, some times, or at a rate, as `ros2 topic pub`."""
+"""Publish a message that is given on the command line, once, several times or at a rate, as `ros2 topic pub` does."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from .packages import interface
 from .qos import QosWords
 
 DEFAULT = QoSProfile(depth=10)
-WAIT, TELL = 0.05, 1.0  # s between two looks for subscribers; between two lines about it
-ACKNOWLEDGED = 2.0  # s at the end for reliable subscribers
+WAIT, TELL = 0.05, 1.0  # s between two checks for subscribers, and between two lines printed about them
+ACKNOWLEDGED = 2.0  # s, longest wait at the end for reliable subscribers to acknowledge the messages
 
 
 class PubOptions(NamedTuple):
-    """How often is published.
+    """Options of `ros2 topic pub`.
 
     Attributes:
-        rate: 1/s.
-        times: How often; without end if 0.
-        print_every: Every which message is printed; none if 0.
-        wait_for: Subscribers before the first message.
-        max_wait: s, to wait for them; None without a bound.
-        keep_alive: s, to stay after the last message.
-        node_name: Of the publishing node; made if empty.
+        rate: Messages per second.
+        times: Number of messages to publish; 0 for no limit.
+        print_every: N to print every N-th message; 0 to print none.
+        wait_for: Number of subscribers that must be there before the first message.
+        max_wait: Longest wait for these subscribers, s; None for no limit.
+        keep_alive: Time for which the publisher stays after the last message, s.
+        node_name: Name of the node that publishes; "" for "_ros2cli_publisher".
     """
 
     rate: float = 1.0
@@ -43,24 +43,25 @@ class PubOptions(NamedTuple):
 
 
 def publish(topic: str, kind: str, values: str, qos: QosWords, options: PubOptions) -> None:
-    """Publish.
+    """Publish a message on a topic, as often as the options tell, and then end.
 
     Args:
-        topic: Its name.
-        kind: Message type.
-        values: The message as a YAML mapping; "auto" stands for a header and "now" for a time of the moment of each message.
-        qos: What was asked for on the command line.
-        options: How often.
+        topic: Name of the topic.
+        kind: Message type, e.g. std_msgs/msg/String.
+        values: The message as a YAML mapping of its fields. "auto" in place of a header, and "now" in place of a time, stand for the time
+            at which each message is published.
+        qos: Quality-of-service options of the command line.
+        options: How often the message is published, and what is awaited and printed.
 
     Raises:
-        TtError: There is no such type, the values are none of it, or not all subscribers came.
-        KeyboardInterrupt: On an interrupt.
+        TtError: There is no such type, the values do not fit it, or not all subscribers came within `options.max_wait`.
+        KeyboardInterrupt: The user has interrupted the command.
     """
     message_type, given = interface(kind), values_of(values)
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(options.node_name or "_ros2cli_publisher", enable_rosout=False, start_parameter_services=False)
-        from_values(message_type, given, node.get_clock().now().to_msg())  # what is wrong is told before anything else
+        from_values(message_type, given, node.get_clock().now().to_msg())  # raises an error in the values before anything is published
         output = node.create_publisher(message_type, topic, qos.profile(otherwise=DEFAULT))
         _wait(output, options)
         print("publisher: beginning loop", flush=True)
@@ -80,7 +81,7 @@ def publish(topic: str, kind: str, values: str, qos: QosWords, options: PubOptio
 
 
 def _wait(output: rclpy.publisher.Publisher, options: PubOptions) -> None:
-    """Wait for subscribers. Raises TtError if not all came in time."""
+    """Wait until as many subscribers are there as the options ask for. Raises TtError after `options.max_wait`."""
     begin, reported = time.monotonic(), -TELL
     while output.get_subscription_count() < options.wait_for:
         now = time.monotonic() - begin

@@ -1,4 +1,4 @@
-"""Quality of service by the words of ros2cli."""
+"""Quality-of-service profiles from the options of the command line, which are those of ros2cli."""
 
 from __future__ import annotations
 
@@ -18,14 +18,24 @@ from rclpy.qos import (
 )
 from tt_core.ros.qos import compatible
 
-# messages that may wait: half a second of two cameras at 900 Hz
+# the queue of 1000 messages holds half a second of two cameras at 900 Hz
 ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PROFILES = ("default", "sensor_data", "system_default", "services_default", "parameters", "parameter_events")
 
 
 @dataclass(frozen=True)
 class QosWords:
-    """What the command line asks for; None and "" leave it to the profile, and without a profile to the other side of the topic."""
+    """Quality-of-service options of the command line. An option that is None or "" was not given; `profile` tells what replaces it.
+
+    Attributes:
+        preset: Name of a preset profile, one of PROFILES.
+        depth: Number of messages in the queue.
+        history: Name of the history policy, e.g. "keep_last".
+        reliability: Name of the reliability policy, e.g. "best_effort".
+        durability: Name of the durability policy, e.g. "transient_local".
+        liveliness: Name of the liveliness policy, e.g. "automatic".
+        lease: Lease duration of the liveliness, s.
+    """
 
     preset: str = ""
     depth: int | None = None
@@ -36,11 +46,14 @@ class QosWords:
     lease: float | None = None
 
     def profile(self, offered: Sequence[QoSProfile] = (), otherwise: QoSProfile = ALL) -> QoSProfile:
-        """Return the profile.
+        """Return the profile that the options ask for. Options that were not given are taken from a base profile.
+
+        The base is the preset profile. Without a preset it is `otherwise`, lowered to the reliability and durability that all publishers
+        offer, because a subscriber that asks for more receives nothing.
 
         Args:
-            offered: Of the publishers of the topic; a subscriber asks for no more than these where no word says otherwise.
-            otherwise: What is asked for without words.
+            offered: Profiles of the topic's publishers.
+            otherwise: Base profile without a preset.
         """
         found = QoSPresetProfiles.get_from_short_key(self.preset) if self.preset else compatible(otherwise, offered)
         return QoSProfile(

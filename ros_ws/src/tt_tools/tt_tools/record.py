@@ -1,4 +1,4 @@
-"""Recordings, written by a thread of their own, so that no caller waits for the disk."""
+"""Record messages to a bag. A separate thread writes them, so that no caller waits for the disk."""
 
 from __future__ import annotations
 
@@ -17,16 +17,20 @@ from .bagfile import ONE_FILE, RESERVE, BagFile, SplitRule, Summary
 
 QUEUE = 256 * 2**20  # bytes of messages that may wait for the disk: 2.6 s of two cameras at 900 Hz
 OVERHEAD = 300  # bytes of memory for a queued message beside its data
-SLOW = 0.5  # s that the disk may take for one message
-RETRY = 0.25  # s between two looks whether a full disk has room again
-PATIENCE, GRACE = 4.0, 2.0  # s at the end: for what is queued, and then for the file to be closed
+SLOW = 0.5  # s for one message, above which the disk counts as slow
+RETRY = 0.25  # s between two checks whether a full disk has room again
+PATIENCE, GRACE = 4.0, 2.0  # s that `close` waits: first for the queue to be written, then for the file to be closed
 
 
 class State(NamedTuple):
-    """The state of a recording.
+    """State of a recording.
 
-    trouble: What is wrong with the disk, "" if nothing. queued: bytes that wait. free: bytes of the disk at the last look.
-    dropped: Messages not written, by topic. missed: messages that never arrived, by topic.
+    Attributes:
+        trouble: What is wrong with the disk; "" if nothing is.
+        queued: Bytes of messages that wait in the queue.
+        free: Bytes that were free on the disk at the last allocation.
+        dropped: Number of messages that were not written, by topic.
+        missed: Number of messages that the middleware lost before they arrived, by topic.
     """
 
     trouble: str
@@ -56,11 +60,11 @@ class _Attachment(NamedTuple):
 
 
 class Recording:
-    """A new bag.
+    """A new bag to which messages are recorded.
 
-    `add` never waits for the disk. Messages wait in a queue. What does not fit into the queue or on the disk is dropped and counted.
-    When there is room again the recording goes on. Chunks of 1 MB go to the file as they fill, so that a crash costs no more than
-    the last of them.
+    `add` never waits for the disk: it puts messages into a queue, which a writer thread empties. A message that does not fit into the queue
+    or on the disk is dropped and counted. Recording goes on when there is room again. Chunks of 1 MB are written to the file as they fill,
+    so that a crash loses no more than the last one.
     """
 
     def __init__(
@@ -72,26 +76,26 @@ class Recording:
         compression: str = "none",
         split: SplitRule = ONE_FILE,
     ) -> None:
-        """Make the directory, open the file and start the thread.
+        """Make the directory, open the file and start the writer thread.
 
         Args:
-            directory: The bag, which must not exist.
-            queue_bytes: Bytes of messages that may wait for the disk.
-            reserve_bytes: Bytes of the disk that are to stay free.
-            compression: Of chunks, one of bagfile.COMPRESSIONS.
+            directory: Directory of the bag, which must not exist yet.
+            queue_bytes: Largest size of the queue, bytes.
+            reserve_bytes: Bytes that must stay free on the disk.
+            compression: Compression of the chunks, one of bagfile.COMPRESSIONS.
             split: When the next file of the bag begins.
 
         Raises:
-            BagError: If `directory` exists, cannot be made or has no room.
+            BagError: The directory exists already or cannot be made, or the disk has no room.
         """
         self._bag = BagFile(directory, reserve_bytes, compression=compression, split=split)
         self._queue: queue.SimpleQueue[_Topic | _Sample | _Attachment | None] = queue.SimpleQueue()
-        self._lock = threading.Lock()  # of `_queued` and `_dropped`
+        self._lock = threading.Lock()  # protects `_queued` and `_dropped`
         self._largest, self._queued, self._dropped = queue_bytes, 0, Counter[str]()
         self._missed: dict[str, int] = {}
-        self._full = self._broken = ""  # reason for which the disk takes nothing now, or no more
-        self._retry = 0.0  # s, when to look for room again
-        self._since: float | None = None  # s, when the writer began what it is doing
+        self._full = self._broken = ""  # why the disk takes nothing at present (full), or nothing any more (broken)
+        self._retry = 0.0  # s, when to check for room again
+        self._since: float | None = None  # s, when the writer began its present item; None while it is idle
         self._slow_until = 0.0  # s
         self._over = False  # whether what is still queued is dropped
         self._summary: Summary | None = None
@@ -99,37 +103,37 @@ class Recording:
         self._thread.start()
 
     def add_topic(self, name: str, kind: str, offered: Sequence[Qos]) -> None:
-        """Begin a topic.
+        """Add a topic to the bag.
 
         Args:
             name: Name of the topic, which must be new.
-            kind: Type, e.g. "sensor_msgs/msg/Image".
+            kind: Message type, e.g. "sensor_msgs/msg/Image".
             offered: Quality of service of each publisher.
 
         Raises:
-            BagError: If the type is not one of ROS 2 Jazzy.
+            BagError: The type is not one of ROS 2 Jazzy.
         """
         if kind not in TYPES.types:
             raise BagError(f"{name} has the unknown type {kind}")
         self._queue.put(_Topic(name, kind, offered))
 
     def attach(self, name: str, media_type: str, text: str) -> None:
-        """Add a text file to the bag.
+        """Store a text file in the bag, as an attachment of MCAP.
 
         Args:
-            name: Its name.
-            media_type: E.g. "application/yaml".
+            name: Name of the attachment.
+            media_type: Media type, e.g. "application/yaml".
             text: Its content.
         """
         self._queue.put(_Attachment(name, time.time_ns(), media_type, text.encode()))
 
     def add(self, topic: str, time: int, data: bytes) -> None:
-        """Record a message, or drop and count it.
+        """Put a message into the queue, or drop and count it if the queue is full.
 
         Args:
-            topic: A topic that was begun.
-            time: ns, when the message was received.
-            data: CDR.
+            topic: Name of a topic that was added.
+            time: Time at which the message was received, ns.
+            data: The serialized message (CDR).
         """
         size = len(data) + OVERHEAD
         with self._lock:
@@ -142,7 +146,7 @@ class Recording:
             self._queue.put(_Sample(topic, time, data))
 
     def count_missed(self, topic: str, total: int) -> None:
-        """Note how many messages of `topic` the middleware has lost so far."""
+        """Note that the middleware has lost `total` messages of `topic` since the beginning."""
         self._missed[topic] = total
 
     def state(self) -> State:
@@ -155,15 +159,15 @@ class Recording:
         return State(trouble, queued, self._bag.free, dropped, dict(self._missed))
 
     def close(self) -> Summary:
-        """Write what is queued, the index and the metadata.
+        """Write the messages in the queue, the index and the metadata, and close the bag.
 
-        What the disk does not take within PATIENCE is dropped and counted.
+        Messages that the disk does not take within PATIENCE s are dropped and counted.
 
         Returns:
-            What was recorded and what was not.
+            Summary of what was recorded and what was lost.
 
         Raises:
-            BagError: If the bag could not be closed, so that it has no index.
+            BagError: The bag could not be closed and has no index.
         """
         self._queue.put(None)
         self._thread.join(PATIENCE)
@@ -176,7 +180,7 @@ class Recording:
         return self._summary
 
     def _run(self) -> None:
-        """Write what is queued until the end; the writer thread."""
+        """Write the items of the queue until None comes. Runs in the writer thread."""
         while (item := self._queue.get()) is not None:
             self._since = time.monotonic()
             if isinstance(item, _Topic):
@@ -201,7 +205,7 @@ class Recording:
             self._bag.abort()
 
     def _write(self, sample: _Sample) -> bool:
-        """Write one message. Return False if it is dropped."""
+        """Write one message to the bag. Return False if it was dropped."""
         if self._broken or self._over or (self._full and time.monotonic() < self._retry):
             return False
         try:
@@ -217,7 +221,7 @@ class Recording:
         return not self._broken
 
     def _attach(self, attachment: _Attachment) -> None:
-        """Write an attachment; it is left out where the disk is full."""
+        """Write an attachment to the bag. It is left out if the disk is full."""
         if self._broken or self._over:
             return
         try:

@@ -1,4 +1,4 @@
-"""Records the serialized messages of topics without decoding them."""
+"""Record the messages of topics to a bag, as serialized bytes that are not decoded."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from .qos import ALL
 from .record import QUEUE, Recording, State
 from .reindex import compress
 
-POLL = 0.1  # s between two looks for new topics, the default of rosbag2, and at the disk
-TELL = 1.0  # s between two reports while messages are lost
+POLL = 0.1  # s between two checks for new topics, which is the default of rosbag2, and between two checks of the disk
+TELL = 1.0  # s between two status messages while messages are lost
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """Return the profile of a publisher in the form that bags have."""
+    """Return the quality of service of a publisher in the form in which `rosbags` writes it to a bag."""
 
     def split(duration: Duration) -> QosTime:
         return QosTime(*divmod(duration.nanoseconds, 10**9))
@@ -71,7 +71,7 @@ def free_name(output: str) -> str:
 
 @dataclass(frozen=True)
 class RecordParams:
-    """What is recorded, where, and what is kept free."""
+    """Parameters of the recorder: which topics it records, to which bag, and how it uses the disk."""
 
     output: str = param("auto", "", "new directory of the bag; auto: bags/ and the time")
     numbered: bool = param(False, "", "add a number to `output` if it exists, as a recorder needs that is started again")
@@ -88,7 +88,7 @@ class RecordParams:
     reserve_bytes: int = param(RESERVE, "bytes", "what stays free on the disk", low=0, high=2**40)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range, and what is no regular expression."""
+        """Refuse values outside their range, and texts that are no valid regular expressions."""
         check(self)
         for name in ("regex", "exclude"):
             try:
@@ -97,7 +97,7 @@ class RecordParams:
                 raise TtError(f"{name} = {getattr(self, name)!r} is no regular expression: {error}") from error
 
     def wants(self, topic: str) -> bool:
-        """Tell whether a topic is recorded, by its resolved name; `topics` and `exclude_topics` must be resolved, too."""
+        """Return whether the topic with the resolved name `topic` is recorded. `topics` and `exclude_topics` must be resolved, too."""
         if topic in self.exclude_topics or (self.exclude and re.search(self.exclude, topic)):
             return False
         if topic in self.topics or (self.regex and re.search(self.regex, topic)):
@@ -106,12 +106,17 @@ class RecordParams:
 
 
 class RecordNode(Node):
-    """Subscribes to topics, writes them to a new rosbag2 directory, and publishes on /diagnostics what is lost.
+    """Node that subscribes to topics, records them to a new bag, and publishes on /diagnostics how many messages are lost.
 
-    RecordParams says which topics, and what happens when the disk is slow or full.
+    RecordParams tells which topics are recorded, and how the disk is used.
+
+    Attributes:
+        params: The parameters, with resolved names of topics.
+        failed: After `close`: whether messages were dropped, or the bag could not be closed.
     """
 
     def __init__(self) -> None:
+        """Declare the parameters, make the bag, and begin to look for topics. Raises BagError if the bag cannot be made."""
         super().__init__("record", enable_rosout=False, start_parameter_services=False)
         params = declare(self, RecordParams)
         output = time.strftime("bags/%Y-%m-%d_%H-%M-%S") if params.output == "auto" else params.output
@@ -120,11 +125,11 @@ class RecordNode(Node):
         topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))
         self.params = replace(params, topics=topics, exclude_topics=excluded)
         self._seen: set[str] = set()
-        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last report and its time in s
+        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
         self.failed = False
         self._status = Status(self)
         self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        # last: what fails before it leaves no bag
+        # the bag is made last, so that an error before it leaves no bag behind
         self._recording = Recording(
             Path(output),
             queue_bytes=params.queue_bytes,
@@ -133,7 +138,7 @@ class RecordNode(Node):
             split=SplitRule(params.split_bytes, params.split_seconds),
         )
         self._collector = ParameterCollector(self, self._on_parameters) if params.attach else None
-        self._described = not params.attach  # whether the description of the arm is in the bag, or unwanted
+        self._described = not params.attach  # whether the description of the arm is in the bag already, or is not wanted
         if params.attach:
             self._recording.attach("revision.txt", "text/plain", revision() + "\n")
         print(f"recording to {output}", flush=True)
@@ -150,14 +155,14 @@ class RecordNode(Node):
             self._collector.look()
 
     def _on_parameters(self, node: str, values: dict[str, Any], text: str) -> None:
-        """Attach the parameters of a node, and the description of the arm that its parameter `robot` names."""
+        """Attach the parameters of a node to the bag, and the URDF of the arm that its parameter `robot` names."""
         self._recording.attach(f"parameters{node}.yaml", "application/yaml", text)
         if "robot" in values and not self._described:
             with suppress(OSError, UnicodeDecodeError, TtError):
                 self._describe(read_arm(values["robot"])[1].read_text())
 
     def _describe(self, urdf: str) -> None:
-        """Attach the description of the arm."""
+        """Attach the URDF of the arm to the bag."""
         self._described = True
         self._recording.attach("robot_arm_urdf.urdf", "application/xml", urdf)
 
@@ -189,14 +194,14 @@ class RecordNode(Node):
     def _on_message(self, topic: str, data: bytes) -> None:
         self._recording.add(topic, time.time_ns(), data)
         if not self._described and topic.endswith("/robot_description"):
-            with suppress(RuntimeError):  # it is of another type
+            with suppress(RuntimeError):  # the message has another type
                 self._describe(deserialize_message(data, String).data)
 
     def _on_lost(self, topic: str, event: Any) -> None:
         self._recording.count_missed(topic, event.total_count)
 
     def _take_rest(self) -> None:
-        """Record what has arrived and not yet been handled."""
+        """Record the messages that have arrived and were not handled yet."""
         for subscription in self.subscriptions:
             with subscription.handle:
                 for _ in range(ALL.depth):
@@ -205,7 +210,7 @@ class RecordNode(Node):
                     self._on_message(subscription.topic_name, taken[0])
 
     def close(self) -> None:
-        """Take what is still waiting and close the bag."""
+        """Record the messages that still wait, close the bag, and print its summary."""
         self._take_rest()
         try:
             summary = self._recording.close()
@@ -223,7 +228,7 @@ class RecordNode(Node):
 
 
 def main() -> None:
-    """Run the node. The exit code is 1 if the disk cost messages."""
+    """Run the node. The exit code is 1 if messages were dropped because of the disk, or the bag could not be closed."""
     nodes: list[RecordNode] = []
 
     def make() -> RecordNode:
@@ -232,7 +237,7 @@ def main() -> None:
 
     run(make)
     if nodes and nodes[0].failed:
-        os._exit(1)  # the writer thread may hang in a write for ever, and the interpreter would wait for its file
+        os._exit(1)  # the writer thread may hang in a write for ever, and a normal exit would wait for its file
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Rewrite a bag: one whose recorder was killed, so that it can be read, or a whole one with another compression."""
+"""Rewrite a bag, to make it readable after its recorder was killed, or to change its compression."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from .bagfile import COMPRESSIONS, BagFile, Summary
 
 
 def reindex(path: Path) -> Summary:
-    """Rewrite a bag of MCAP files up to the last whole chunk of each.
+    """Make a bag readable whose recorder was killed, by writing the complete chunks of its MCAP files to a new file with an index.
 
     Args:
-        path: A directory, whose MCAP files become one, or an MCAP file.
+        path: Directory of a bag, whose MCAP files become one file, or a single MCAP file.
 
     Returns:
-        What was saved.
+        Summary of what was saved.
 
     Raises:
-        BagError: If there is nothing to save or no room for the copy. Then the bag stays as it is.
+        BagError: A file is not MCAP, there is nothing to save, or there is no room for the copy. The bag then stays as it is.
     """
     path = Path(path).absolute()
     files = bag_files(path)
@@ -72,7 +72,7 @@ def _records(file: Path) -> Iterator[McapRecord]:
         while position + 9 <= size:
             stream.seek(position)
             opcode, length = struct.unpack("<BQ", stream.read(9))
-            if not opcode:  # allocated and not written
+            if not opcode:  # space that was allocated and never written
                 return
             position += 9 + length
             if opcode == Opcode.CHUNK and position <= size:
@@ -84,7 +84,7 @@ def _records(file: Path) -> Iterator[McapRecord]:
 def _in_chunk(chunk: Chunk) -> list[McapRecord]:
     try:
         return breakup_chunk(chunk)
-    except Exception:  # a damaged chunk fails in whatever part of its decoding meets it first
+    except Exception:  # a damaged chunk can fail in any part of its decoding, with any error
         return []
 
 
@@ -116,16 +116,16 @@ def _types(schema: Schema) -> Typestore:
 
 
 def compress(bag: Path, compression: str) -> None:
-    """Rewrite the MCAP files of a whole bag with another compression of their chunks.
+    """Rewrite the MCAP files of a complete bag with another compression of their chunks.
 
-    Each file is replaced when its copy is whole.
+    Each file is replaced when its copy is complete.
 
     Args:
-        bag: A bag that was closed.
+        bag: Directory of a bag that was closed, or one of its files.
         compression: One of bagfile.COMPRESSIONS.
 
     Raises:
-        BagError: A file cannot be read, or there is no room for its copy.
+        BagError: A file is not MCAP or cannot be read, or there is no room for its copy.
     """
     for file in bag_files(Path(bag)):
         if file.suffix != ".mcap":
@@ -142,7 +142,7 @@ def compress(bag: Path, compression: str) -> None:
 
 
 def _rewrite(source: IO[bytes], writer: Writer) -> None:
-    """Copy all that an MCAP file holds to a new one."""
+    """Copy the whole content of an MCAP file to a new one."""
     schemas, channels = {0: 0}, dict[int, int]()
     for record in StreamReader(source).records:
         if isinstance(record, Header):

@@ -14,7 +14,7 @@ WORDS = (run, launch, bag, topic, service, param, node, interface, pkg)
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
+    """Return the parser of the `ros2` command line."""
     top = argparse.ArgumentParser(prog="ros2", description=__doc__)
     words = top.add_subparsers(metavar="WORD", required=True)
     for word in WORDS:
@@ -23,7 +23,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run one verb and return the exit code."""
+    """Run one `ros2` command and return its exit code. words: the command line after "ros2"; that of this process if None."""
     made = parser()
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete

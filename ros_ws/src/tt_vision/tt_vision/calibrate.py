@@ -180,7 +180,9 @@ def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
 def main() -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--name", default="left", help="name of the camera and of the files: left, right, wide_left or wide_right (default left)")
+    parser.add_argument(
+        "--name", default="left", help="name of the camera and of the files: left, right, wide_left or wide_right (default left)"
+    )
     parser.add_argument("--out", type=Path, default=Path(), help="directory of the files (default here)")
     parser.add_argument("--pixel-size", type=float, default=PIXEL_SIZE, help="size of a pixel, m (default 20e-6)")
     parser.add_argument("--distortion", action="store_true", help="estimate k1 and k2")

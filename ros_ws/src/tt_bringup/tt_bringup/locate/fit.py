@@ -1,4 +1,4 @@
-"""Fit the poses of base and racket to observations."""
+"""Fit the poses of the arm's base and of its racket to observations of points of the racket."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from tt_core.states import Array
 
 from .observations import PinholeCamera, Sighting, Touch
 
-TOUCHED, SEEN = 0.5e-3, 0.5  # m, pixels: errors that count the same, of a touched place and of a seen point
-LEAST = 1e-5  # smallest singular value over the largest, below which something is not determined
-SCALE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])  # m, rad: a turn of 0.5 rad moves the racket as far as 1 m does, roughly
-PARTS = ("base", "mount")
+TOUCHED, SEEN = 0.5e-3, 0.5  # m and pixels, errors of a touched place and of a seen point that have the same weight
+LEAST = 1e-5  # ratio of the smallest to the largest singular value, below which the observations do not determine everything
+SCALE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])  # m, rad: a turn by 0.5 rad moves the racket roughly as far as a shift by 1 m
+PARTS = ("base", "mount")  # what can be fitted: the pose of the arm's base, and how the racket is mounted on the arm
 
 
 class NotDetermined(TtError):
-    """Observations that leave something open.
+    """Error: the observations do not determine all the numbers that are sought.
 
     Attributes:
-        open: How many of the sought numbers.
+        open: How many of the sought numbers they do not determine.
     """
 
     def __init__(self, count: int, sought: int) -> None:
-        """Keep the number."""
+        """Keep how many of the sought numbers are not determined, `count` of `sought`."""
         super().__init__(
             f"the observations leave {count} of {sought} numbers open: "
             "observe other postures or other points of the racket, or keep what is known"
@@ -37,24 +37,28 @@ class NotDetermined(TtError):
 
 
 class UnknownCamera(TtError):
-    """A sighting of a camera that is not calibrated."""
+    """Error: a camera that has seen the racket is none of those whose calibration is given.
+
+    Attributes:
+        side: Name of the camera.
+    """
 
     def __init__(self, side: str, known: Sequence[str]) -> None:
-        """Keep the name."""
+        """Keep the name of the camera. known: the names of the calibrated cameras."""
         super().__init__(f"camera {side!r} is none of {', '.join(map(repr, known)) or 'those calibrated, for there are none'}")
         self.side = side
 
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Where base and racket are.
+    """Result of the fit: corrections of the assumed poses of base and racket, with residuals and standard deviations.
 
     Attributes:
-        base: Correction of the base: table from table, applied on the left of the base as it was believed.
-        mount: Correction of the racket: applied on the right of the mount as it was believed.
-        touched: (m,) m, distances of the touched places from where the racket is by the fit.
-        seen: (k,) pixels, the same of the seen points.
-        sigma: Standard deviation of each of x, y, z (m) and the turns about them (rad), by PARTS; only of what was fitted.
+        base: Correction of the base in the frame `table`: the new pose is `base` times the assumed pose.
+        mount: Correction of the racket's mount: the new mount is the assumed mount times `mount`.
+        touched: (m,) m, distance of each touched place from the touching point of the racket after the fit.
+        seen: (k,) pixels, distance of each seen pixel from the seen point of the racket after the fit.
+        sigma: For each of PARTS that was fitted, (6,) standard deviations of x, y, z (m) and of the rotations about them (rad).
     """
 
     base: pin.SE3
@@ -71,18 +75,18 @@ def fit(
     cameras: Mapping[str, PinholeCamera],
     kept: Sequence[str] = (),
 ) -> Located:
-    """Find corrections of base and mount that explain the observations best.
+    """Find the corrections of base and mount with which the arm fits the observations best (least squares).
 
     Args:
-        arm: As it is believed to stand; within 0.3 m and 0.5 rad of the truth.
+        arm: The arm at its assumed place, which may be wrong by up to 0.3 m and 0.5 rad.
         touches: Touched places.
         sightings: Seen points.
-        cameras: By name.
-        kept: Of PARTS, what is known already.
+        cameras: Calibrated cameras by name.
+        kept: Those of PARTS that are known already and are not fitted.
 
     Raises:
-        NotDetermined: The observations leave something open.
-        UnknownCamera: A sighting is of a camera that is not given.
+        NotDetermined: The observations do not determine all that is fitted.
+        UnknownCamera: A sighting is of a camera that is not in `cameras`.
     """
     for one in sightings:
         if one.side not in cameras:
@@ -99,7 +103,7 @@ def fit(
         return found
 
     def misses(values: Array) -> tuple[Array, Array]:
-        """Return (m, 3) m and (k, 2) pixels."""
+        """Return the errors of the touched places, (m, 3) m, and of the seen points, (k, 2) pixels, with given corrections."""
         moved = corrections(values)
         placed = [moved["base"] * pose * moved["mount"] for pose in poses]
         points = np.array([pose.act(np.array(one.part)) for pose, one in zip(placed, observed, strict=True)]).reshape(-1, 3)
@@ -133,15 +137,21 @@ def fit(
 
 
 def upright(arm: ArmModel, board: Sequence[Sighting], cameras: Mapping[str, PinholeCamera]) -> list[Sighting]:
-    """Return the corners of a board on the racket in the order in which they are seen nearest to where the racket is believed to be.
+    """Assign the corners of a chess board that were found in an image to the corners of the board on the racket.
+
+    Corners are found row by row, but from any of the board's four corners on. Of the four possible orders, the one is taken whose pixels
+    are nearest to where the camera would see the board if the arm stood at its assumed place.
 
     Args:
-        arm: As it is believed to stand.
-        board: Corners of one image, row by row, from any of its four corners on.
-        cameras: By name.
+        arm: The arm at its assumed place.
+        board: The corners of one image, as found.
+        cameras: Calibrated cameras by name.
+
+    Returns:
+        The corners of the board on the racket, with the pixels of the right order.
 
     Raises:
-        UnknownCamera: The camera is not given.
+        UnknownCamera: The camera is not in `cameras`.
     """
     side, parts = board[0].side, np.array([one.part for one in board])
     if side not in cameras:
@@ -150,6 +160,6 @@ def upright(arm: ArmModel, board: Sequence[Sighting], cameras: Mapping[str, Pinh
     expected = cameras[side].pixels(parts @ rotation.T + position)
     rows = np.array([one.pixel for one in board]).reshape(len(np.unique(parts[:, 1])), -1, 2)
     orders = [order.reshape(-1, 2) for order in (rows, rows[::-1], rows[:, ::-1], rows[::-1, ::-1])]
-    middle = expected.mean(axis=0) - rows.mean(axis=(0, 1))  # what counts is the way that the board is turned
+    middle = expected.mean(axis=0) - rows.mean(axis=(0, 1))  # a common shift does not count, only how the board is turned
     nearest = min(orders, key=lambda order: float(np.linalg.norm(order + middle - expected)))
     return [one._replace(pixel=pixel) for one, pixel in zip(board, nearest, strict=True)]

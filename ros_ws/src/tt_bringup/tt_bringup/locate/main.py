@@ -28,22 +28,33 @@ from .observations import read_board_images, read_cameras, read_sightings, read_
 
 
 def six(placement: pin.SE3) -> list[float]:
-    """Return x, y, z (m), roll, pitch and yaw (rad)."""
+    """Return a pose as six numbers, as parameters have it: x, y, z (m), roll, pitch and yaw (rad)."""
     return [round(float(value), 9) for value in (*placement.translation, *pin.rpy.matrixToRpy(placement.rotation))]
 
 
 def believed_mount(arm: ArmModel, given: ArmFile) -> pin.SE3:
-    """Return what the key `mount` of the arm file would be for the racket as it is believed to be held."""
+    """Return the pose of the racket on the arm's tip as it is assumed before the fit: the value of the key `mount` of the arm file.
+
+    Args:
+        arm: The arm at its assumed place.
+        given: The arm file. If it has no `mount`, the pose is that of the racket in the URDF.
+    """
     if given.mount is not None:
         return mount_placement(given.mount)
-    if given.tip in (None, RACKET):  # a mount is then counted from where the URDF has the racket
+    if given.tip in (None, RACKET):  # the mount is then relative to the racket of the URDF
         return pin.SE3.Identity()
     tip, racket = (arm.pinocchio.frames[arm.pinocchio.getFrameId(name, pin.FrameType.BODY)].placement for name in (given.tip, RACKET))
     return tip.inverse() * racket
 
 
 def parameters(arm: ArmModel, given: ArmFile, located: Located) -> str:
-    """Return the parameter file of the arm node, YAML."""
+    """Return the text of a parameter file (YAML) for the node arm, with the base and mount that were fitted.
+
+    Args:
+        arm: The arm at its assumed place.
+        given: Its arm file.
+        located: Result of the fit.
+    """
     values = {"base": six(located.base * arm.base), "mount": six(believed_mount(arm, given) * located.mount)}
     kept = {name: values[name] for name in PARTS if name in located.sigma}
     text = yaml.safe_dump({"/**/arm": {"ros__parameters": kept}}, sort_keys=False, default_flow_style=None, width=140)
@@ -51,7 +62,7 @@ def parameters(arm: ArmModel, given: ArmFile, located: Located) -> str:
 
 
 def tables(located: Located) -> list[Table]:
-    """Return residuals, and standard deviations of what was found."""
+    """Return the tables for the terminal: residuals of the observations, and corrections with their standard deviations."""
     residuals = Table("observations", "count", "rms", "worst", "row of the worst", title="Residuals", title_justify="left")
     for name, unit, values, scale in (("touched places", "mm", located.touched, 1e3), ("seen points", "pixels", located.seen, 1.0)):
         if len(values):
@@ -72,7 +83,7 @@ def _cells(values: Array) -> str:
 
 
 def arguments(words: Sequence[str] | None) -> argparse.Namespace:
-    """Read the command line."""
+    """Parse the command line; an invalid one ends the process with a message. words: its arguments; those of the process if None."""
     parser = argparse.ArgumentParser(prog="locate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robot", default=DEFAULT, help=f"an arm, by name, arm file or folder, where it nearly stands (default {DEFAULT})")
     parser.add_argument("--touches", type=Path, metavar="CSV", help="rows: joint positions, x, y, z touched, px, py, pz of the racket")
@@ -92,7 +103,7 @@ def arguments(words: Sequence[str] | None) -> argparse.Namespace:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    """Run the command."""
+    """Run the command line: fit, print residuals and corrections, write the parameter file. words: as `arguments` takes them."""
     args = arguments(words)
     try:
         arm, (given, _) = load_arm(args.robot), read_arm(args.robot)

@@ -1,4 +1,4 @@
-"""What is observed of the racket: points of it that touch known places, or that a camera sees."""
+"""Observations of the racket: points of it that touch known places, or that a calibrated camera sees."""
 
 from __future__ import annotations
 
@@ -14,44 +14,61 @@ from tt_core.errors import TtError, check_array
 from tt_core.states import Array
 from tt_vision.rig import SIDES
 
-REFINED = 3  # pixels around a corner of the board, within which it is refined; its squares must be larger
+REFINED = 3  # pixels, half width of the window in which a corner of the board is refined; the squares must be larger
 
 
 class BadRows(TtError):
-    """A file that does not have the rows that it should have."""
+    """Error: a file of observations or cameras cannot be read or does not have the expected content.
+
+    Attributes:
+        file: The file.
+    """
 
     def __init__(self, file: Path, why: object) -> None:
-        """Keep the file."""
+        """Keep the file. why: what is wrong with it."""
         super().__init__(f"{file}: {why}")
         self.file = file
 
 
 class Touch(NamedTuple):
-    """A point of the racket touches a known place."""
+    """Observation: a point of the racket touches a known place.
 
-    q: Array  # (n,) rad or m
-    place: Array  # (3,) m in `table`
-    part: Array  # (3,) m, the point in the frame of the racket
+    Attributes:
+        q: (n,) joint positions, rad or m.
+        place: (3,) m, the touched place in the frame `table`.
+        part: (3,) m, the touching point in the frame `racket`.
+    """
+
+    q: Array
+    place: Array
+    part: Array
 
 
 class Sighting(NamedTuple):
-    """A camera sees a point of the racket."""
+    """Observation: a camera sees a point of the racket.
 
-    q: Array  # (n,) rad or m
-    side: str  # name of the camera
-    pixel: Array  # (2,)
-    part: Array  # (3,) m, the point in the frame of the racket
+    Attributes:
+        q: (n,) joint positions, rad or m.
+        side: Name of the camera, "left" or "right".
+        pixel: (2,) pixels at which the point is seen.
+        part: (3,) m, the point in the frame `racket`.
+    """
+
+    q: Array
+    side: str
+    pixel: Array
+    part: Array
 
 
 @dataclass(frozen=True, eq=False)
 class PinholeCamera:
-    """A calibrated camera.
+    """A calibrated camera: p_camera = rotation p_table + translation.
 
     Attributes:
-        rotation: (3, 3) from `table` to the camera's frame.
-        translation: (3,) m.
-        matrix: (3, 3) pixels.
-        distortion: As in OpenCV.
+        rotation: (3, 3) from the frame `table` to the camera's optical frame.
+        translation: (3,) m, origin of `table` in the camera's optical frame.
+        matrix: (3, 3) camera matrix, pixels.
+        distortion: (5,) distortion coefficients of OpenCV: k1, k2, p1, p2, k3.
     """
 
     rotation: Array
@@ -60,7 +77,7 @@ class PinholeCamera:
     distortion: Array
 
     def pixels(self, points: Array) -> Array:
-        """Return where points (n, 3) m in `table` are seen, (n, 2)."""
+        """Return the pixels (n, 2) at which the camera sees points (n, 3) m in the frame `table`."""
         turn = Rotation.from_matrix(self.rotation).as_rotvec()
         seen, _ = cv2.projectPoints(points.reshape(-1, 1, 3), turn, self.translation, self.matrix, self.distortion)
         pixels: Array = np.array(seen, dtype=np.float64).reshape(-1, 2)
@@ -68,7 +85,10 @@ class PinholeCamera:
 
 
 def read_cameras(file: Path) -> dict[str, PinholeCamera]:
-    """Read the cameras of a file that `ros2 run tt_vision calibrate` wrote (cameras.yaml), by name.
+    """Read calibrated cameras from a file that `ros2 run tt_vision calibrate` wrote (cameras.yaml).
+
+    Returns:
+        The cameras by name, "left" and "right", as far as the file has them.
 
     Raises:
         BadRows: The file cannot be read, or has no camera.
@@ -113,13 +133,31 @@ def _numbers(file: Path, cells: list[str]) -> Array:
 
 
 def read_touches(file: Path, joints: int) -> list[Touch]:
-    """Read rows of joint positions, the place touched x, y, z and the touching point of the racket px, py, pz. Raises BadRows."""
+    """Read touched places from a CSV file.
+
+    Args:
+        file: Rows of joint positions (rad or m), the touched place x, y, z (m, in `table`) and the touching point of the racket px, py, pz
+            (m, in `racket`).
+        joints: Number of joints.
+
+    Raises:
+        BadRows: The file cannot be read, or a row is wrong.
+    """
     rows = [_numbers(file, row) for row in _rows(file, joints + 6, "joint positions, x, y, z, and the point of the racket px, py, pz")]
     return [Touch(row[:joints], row[joints : joints + 3], row[joints + 3 :]) for row in rows]
 
 
 def read_sightings(file: Path, joints: int) -> list[Sighting]:
-    """Read rows of joint positions, name of the camera, pixel u, v and the point of the racket px, py, pz. Raises BadRows."""
+    """Read seen points from a CSV file.
+
+    Args:
+        file: Rows of joint positions (rad or m), name of the camera, pixel u, v and the seen point of the racket px, py, pz (m, in
+            `racket`).
+        joints: Number of joints.
+
+    Raises:
+        BadRows: The file cannot be read, or a row is wrong.
+    """
     found = []
     for row in _rows(file, joints + 6, "joint positions, camera, u, v, and the point of the racket px, py, pz"):
         values = _numbers(file, row[:joints] + row[joints + 1 :])
@@ -128,16 +166,18 @@ def read_sightings(file: Path, joints: int) -> list[Sighting]:
 
 
 def read_board_images(file: Path, joints: int, corners: tuple[int, int], square: float) -> list[list[Sighting]]:
-    """Find a chess board that is glued on the racket's face in images: its middle on that of the face, its rows along the racket's x axis.
+    """Find the corners of a chess board on the racket in images.
+
+    The board is glued on the racket's face, with its centre on the centre of the face and its rows along the x axis of the frame `racket`.
 
     Args:
-        file: Rows of joint positions, name of the camera and the image, relative to the file.
-        joints: Number of the joints.
-        corners: Inner corners in a row and in a column.
-        square: m, side of a square.
+        file: CSV file with rows of joint positions (rad or m), name of the camera, and path of the image relative to the file.
+        joints: Number of joints.
+        corners: Number of inner corners in a row and in a column.
+        square: Side of a square, m.
 
     Returns:
-        The corners of each image, row by row, from any of the four corners of the board on, see `fit.upright`.
+        The corners of each image, row by row. They may begin at any of the board's four corners; `fit.upright` finds out at which.
 
     Raises:
         BadRows: A row is wrong, or an image cannot be read or shows no board.

@@ -1,4 +1,4 @@
-"""Where the joints of a recorded arm and its racket are, and its limits, from its URDF."""
+"""Compute where the joints and the racket of a recorded arm are, from its URDF and its joint positions."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ RACKET = "racket"  # frame of the racket in the URDF
 
 
 class ArmPose:
-    """The arm of a recording.
+    """Kinematics and limits of the arm of a recording.
 
     Attributes:
-        speed_limits: (joints,) rad/s or m/s.
-        position_limits: (joints, 2) rad or m; infinite where the URDF has none.
+        speed_limits: (joints,) speed limits, rad/s or m/s.
+        position_limits: (joints, 2) lowest and highest positions, rad or m; infinite if the URDF has none.
     """
 
     def __init__(self, urdf: str, joint_names: Sequence[str]) -> None:
-        """Read a URDF whose root link stands in the origin of `table`.
+        """Read a URDF.
 
         Args:
-            urdf: The description of the robot.
-            joint_names: Of the recorded joints, in their order.
+            urdf: Text of the URDF, whose root link is at the origin of the frame `table`.
+            joint_names: Names of the recorded joints, in the order of the recorded positions.
 
         Raises:
-            TtError: It is no URDF, or has no such joint or no frame `racket`.
+            TtError: The text is no URDF, or lacks one of the joints or the frame `racket`.
         """
         try:
             self._model = pin.buildModelFromXML(urdf)
@@ -48,10 +48,11 @@ class ArmPose:
         )
 
     def at(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return where the arm is at joint positions q (joints,), rad or m.
+        """Return where the arm is at joint positions q, (joints,) rad or m.
 
         Returns:
-            The line from joint to joint to the racket, (joints + 1, 3) m, the middle of the racket, (3,) m, and its rotation, (3, 3).
+            Three arrays in the frame `table`: the positions of the joints and then of the racket, (joints + 1, 3) m; the centre of the
+            racket's face, (3,) m; the rotation matrix of the racket, `racket` to `table`, (3, 3).
         """
         full = pin.neutral(self._model)
         for joint, value in zip(self._joints, q, strict=True):

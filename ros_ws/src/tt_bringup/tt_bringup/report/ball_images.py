@@ -1,4 +1,4 @@
-"""The images that a ball was measured from, with its outline and its spin drawn into them as SVG."""
+"""Make the images of a report: those from which a ball was measured, with its outline and its spin drawn into them as SVG."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from tt_vision.rig import SIDES
 
 from ..stages import Values, Vision
 
-MOST_FRAMES = 6  # of each camera that are shown, the last ones
-ROOM = 1.35  # radii of the ball from its middle to the edge of a shown image
-SIZE = 150  # pixels of a shown image
+MOST_FRAMES = 6  # at most so many images of each camera are shown, the last ones
+ROOM = 1.35  # radii of the ball from its centre to the edge of a shown image
+SIZE = 150  # pixels, width and height of a shown image
 SAMPLES = 60  # points of a drawn circle
-REACH = 4.0  # pixels within which edges are looked for around the outline, as the measurement does
-QUALITY = 85  # of JPEG
+REACH = 4.0  # pixels, distance from the outline within which edges are looked for, as in the measurement
+QUALITY = 85  # quality of the JPEG images
 
 
 @dataclass(frozen=True)
 class ShownImage:
-    """A part of an image around the ball.
+    """The part of a camera image around the ball, with the measured ball as SVG paths in the pixels of this part.
 
     Attributes:
-        camera: Its name.
-        time: s, the middle of its exposure.
-        jpeg: SIZE x SIZE pixels, base64.
+        camera: Name of the camera.
+        time: Middle of the exposure, s.
+        jpeg: The part, SIZE x SIZE pixels, as JPEG in base64.
         outline: SVG path of the outline of the measured ball; "" if it was not measured.
-        edges: SVG path of dots where the edge of the ball was found.
-        equator: SVG path of the equator of the spin, and of a meridian that turns with the ball, as far as they are seen.
-        off: Pixels of the camera, median distance of the edges from the outline; None without both.
+        edges: SVG path of dots at which the edge of the ball was found in the image; "" if the ball was not measured.
+        equator: SVG path of the visible parts of two circles on the ball: the equator of the spin, and a meridian that turns with the ball.
+        off: Median distance of the edges from the outline, pixels of the camera; None without both.
     """
 
     camera: str
@@ -55,12 +55,14 @@ class ShownImage:
 
 @dataclass(frozen=True)
 class BallImages:
-    """The images of one burst, and what was measured anew from them.
+    """The images of one burst, with the result of measuring them anew.
+
+    A burst is the images of one ball's passage through the high-speed cameras.
 
     Attributes:
-        time: s, of the last one.
-        images: By camera, then by time.
-        words: What the measurement says, for people.
+        time: Time of the last image, s.
+        images: The images, sorted by camera, then by time.
+        words: Text about the result of the measurement, for people.
     """
 
     time: float
@@ -72,11 +74,11 @@ def read_ball_images(path: Path, values: Values) -> Iterator[BallImages]:
     """Measure the bursts of a recording anew, as estimate_node does.
 
     Args:
-        path: The bag.
-        values: Parameters of estimate_node by name.
+        path: The recording, a bag of any kind.
+        values: Parameter values of estimate_node by name.
 
     Yields:
-        The images of each burst, in order of time.
+        The images and the result of each burst, in the order of time.
 
     Raises:
         BagError: The bag cannot be read, or holds several robots.
@@ -95,7 +97,13 @@ def read_ball_images(path: Path, values: Values) -> Iterator[BallImages]:
 
 
 def shown(burst: Burst, result: Measurement, names: Sequence[str]) -> BallImages:
-    """Return the images of a measured burst. names: of the cameras."""
+    """Return the images of a burst with the measured ball drawn into them.
+
+    Args:
+        burst: The burst, with its cameras.
+        result: The measurement of the burst.
+        names: Name of each camera of the burst.
+    """
     times = burst.times[-MOST_FRAMES:]
     first = len(burst) - len(times)
     motion, spin = result.motion, result.spin.spin if result.spin is not None and result.ball is not None else None
@@ -115,15 +123,15 @@ def shown(burst: Burst, result: Measurement, names: Sequence[str]) -> BallImages
 
 @dataclass(frozen=True, eq=False)
 class _Ball:
-    """The ball as a camera sees it.
+    """The measured ball at the time of one image, as the camera sees it.
 
     Attributes:
-        place: (3,) m.
+        place: (3,) m, its centre in the frame `table`.
         camera: The camera.
-        offset: (2,) pixels, from where the calibration puts the ball to where this camera has it.
-        edge: Pixels by which this camera finds the outline too far out.
+        offset: (2,) pixels, from where the calibrated camera would see the ball to where it sees the ball.
+        edge: Distance by which this camera finds the outline too far out, pixels.
         spin: (3,) rad/s; None if it was not measured.
-        since: s since the last image.
+        since: Time of the image minus the time of the last image, s, not positive.
     """
 
     place: Array
@@ -134,7 +142,7 @@ class _Ball:
     since: float
 
     def limb(self) -> Array:
-        """Return the outline (n, 2) in pixels, as the fit has it in this camera."""
+        """Return the outline of the measured ball in this image, points (n, 2) pixels."""
         line = self.place - self.camera.position
         distance = float(np.linalg.norm(line))
         towards = line / distance
@@ -146,7 +154,10 @@ class _Ball:
         return points + self.edge * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
 
     def turning_lines(self) -> list[Array]:
-        """Return the seen parts (n, 2), pixels, of the equator of the spin and of a meridian that turns with the ball."""
+        """Return the visible parts of the spin's equator and of a meridian that turns with the ball, as lines of points (n, 2) pixels.
+
+        The list is empty if the spin was not measured or is below 1 rad/s.
+        """
         speed = 0.0 if self.spin is None else float(np.linalg.norm(self.spin))
         if self.spin is None or speed < 1.0:
             return []
@@ -207,7 +218,10 @@ def _shown(name: str, time: float, image: Image, ball: _Ball | None, contrast: f
 
 
 def _distance(edges: np.ndarray, limb: Array) -> float | None:
-    """Return the median distance, pixels, of edges from an outline (n, 2); None without edges. Marks at the edge make some far off."""
+    """Return the median distance of edges from an outline (n, 2), pixels; None without edges.
+
+    It is the median, because the marks (dots on the ball) make some edges lie far from the outline.
+    """
     if not len(edges):
         return None
     middle = limb.mean(axis=0)
@@ -223,7 +237,7 @@ def _svg_path(points: Array) -> str:
 
 
 def _words(result: Measurement) -> str:
-    """Say what was measured from the images, or why nothing was."""
+    """Return a text about what was measured from the images, or why nothing was."""
     if result.ball is None or result.motion is None or result.spin is None:
         return f"Not measured: {result.reason}."
     rpm = np.linalg.norm(result.ball.spin) / RPM

@@ -1,4 +1,4 @@
-"""Figures of a run and of its balls."""
+"""Plotly figures of a run and of its balls."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tt_eval.page import BLUE, COLOURS, GREEN, GREY, ORANGE
 from .arm_pose import ArmPose
 from .run_record import STAGES, BallRecord, RunRecord
 
-AROUND = 0.15  # s shown before a swing and after it
-MOST_BARS = 60  # balls whose latencies are drawn; more are too thin to read
-MOST_POINTS = 400  # of a line
+AROUND = 0.15  # s that are shown before and after a swing
+MOST_BARS = 60  # most balls whose latencies are drawn; more bars would be too thin to read
+MOST_POINTS = 400  # a line has about so many points at most
 
 
 def landings(balls: Sequence[BallRecord]) -> go.Figure:
-    """Draw where the returns were asked to land, and where they did."""
+    """Draw, seen from above, where the returns were asked to land and where they landed."""
     figure = go.Figure()
     _table_from_above(figure)
     metrics = [ball.metrics for ball in balls if ball.metrics is not None]
@@ -39,11 +39,11 @@ def landings(balls: Sequence[BallRecord]) -> go.Figure:
 
 
 def latencies(balls: Sequence[BallRecord]) -> go.Figure:
-    """Draw how long each stage took, from the middle of the last image's exposure on, as a stacked bar for each ball."""
+    """Draw how long each stage from the last camera image to the first joint command took, as a stacked bar for each ball."""
     shown = [ball for ball in balls if ball.latencies][:MOST_BARS]
     figure = go.Figure()
     until = np.array([[ball.latencies.get(event, np.nan) for ball in shown] for event in STAGES])
-    until = np.fmin.accumulate(until[::-1])[::-1]  # a node may say what it found after the next one has acted on it
+    until = np.fmin.accumulate(until[::-1])[::-1]  # the status of a stage may come after the next stage has finished
     until = np.where(np.isfinite(until), until, 0.0)
     until = np.maximum.accumulate(until)
     for colour, name, spent in zip(COLOURS, STAGES.values(), np.diff(until, axis=0, prepend=0.0), strict=False):
@@ -57,7 +57,7 @@ def latencies(balls: Sequence[BallRecord]) -> go.Figure:
 
 
 def from_the_side(ball: BallRecord) -> go.Figure:
-    """Draw a ball from the side: true, predicted, asked."""
+    """Draw the flight of a ball from the side: the true and the predicted path, and the landing that was asked for."""
     figure = go.Figure()
     figure.add_shape(type="line", x0=0, x1=TABLE_LENGTH, y0=0, y1=0, line={"color": BLUE, "width": 4})
     figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=0, y1=NET_HEIGHT, line={"color": GREY, "width": 2})
@@ -69,7 +69,7 @@ def from_the_side(ball: BallRecord) -> go.Figure:
 
 
 def from_above(ball: BallRecord) -> go.Figure:
-    """Draw a ball from above: true, predicted, asked."""
+    """Draw the flight of a ball from above: the true and the predicted path, and the landing that was asked for."""
     figure = go.Figure()
     _table_from_above(figure)
     _flight(figure, ball, 1)
@@ -80,7 +80,11 @@ def from_above(ball: BallRecord) -> go.Figure:
 
 
 def prediction_error(ball: BallRecord) -> go.Figure | None:
-    """Draw how far the predicted ball is from the true one, over the time since the last image; None without both."""
+    """Draw the distance between predicted and true ball over the time since the last image.
+
+    Returns:
+        The figure, up to the contact with the racket; None if the prediction or the truth was not recorded.
+    """
     if ball.path is None or not len(ball.truth):
         return None
     struck = ball.swing.strike if ball.swing is not None else np.inf
@@ -95,7 +99,16 @@ def prediction_error(ball: BallRecord) -> go.Figure | None:
 
 
 def joint_figures(ball: BallRecord, run: RunRecord, arm: ArmPose | None) -> list[go.Figure]:
-    """Draw the joints during the swing: speeds against their limits, positions within theirs, and the error against the plan."""
+    """Draw the joints during a swing: speeds relative to their limits, positions within their ranges, and deviation from the plan.
+
+    Args:
+        ball: Record of the ball.
+        run: Record of the run, which has the names of the joints.
+        arm: The arm, which has the limits; None to leave out the figures that need them.
+
+    Returns:
+        The figures; an empty list if there was no swing or no joint states were recorded.
+    """
     swing = ball.swing
     if swing is None or not len(ball.joints):
         return []
@@ -121,7 +134,16 @@ def joint_figures(ball: BallRecord, run: RunRecord, arm: ArmPose | None) -> list
 
 
 def _joints(run: RunRecord, since: Array, values: Array, title: str, unit: str, limits: tuple[float, float] | None = None) -> go.Figure:
-    """Draw a line for each joint over the time since the strike. values: (n, joints)."""
+    """Draw a line for each joint over the time since the strike.
+
+    Args:
+        run: Record of the run, which has the names of the joints.
+        since: (n,) time since the strike, s.
+        values: (n, joints) what is drawn.
+        title: Title of the figure.
+        unit: Unit of the values.
+        limits: Lowest and highest value that is allowed; None to draw no limits.
+    """
     figure, few = go.Figure(), slice(None, None, max(1, len(since) // MOST_POINTS))
     for k, name in enumerate(run.joint_names):
         figure.add_scatter(x=since[few], y=values[few, k], name=name, line={"color": COLOURS[k % len(COLOURS)], "width": 1.6})
@@ -133,7 +155,7 @@ def _joints(run: RunRecord, since: Array, values: Array, title: str, unit: str, 
 
 
 def _flight(figure: go.Figure, ball: BallRecord, axis: int) -> None:
-    """Draw the true and the predicted ball. axis: 1 for y, 2 for z."""
+    """Add the true and the predicted path of a ball to a figure, over x. axis: 1 to draw y, 2 to draw z."""
     if len(ball.truth):
         rows = ball.truth[:: max(1, len(ball.truth) // MOST_POINTS)]
         figure.add_scatter(x=rows[:, 1], y=rows[:, 1 + axis], name="true", line={"color": BLUE, "width": 3})

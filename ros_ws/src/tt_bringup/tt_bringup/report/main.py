@@ -14,7 +14,7 @@ from .words import print_run
 
 
 def main() -> int:
-    """Report a recording and return the exit code."""
+    """Run the command line: print the report of a recording, write its page, and return the exit code."""
     parser = argparse.ArgumentParser(prog="report", description="Report what became of a recorded run: as text, and as a page.")
     parser.add_argument("bag", type=Path, help="recording of any kind")
     parser.add_argument("file", type=Path, nargs="?", help="the page; report.html beside the recording unless given")

@@ -1,4 +1,4 @@
-"""What the 3D scene of a ball plays: the ball, the arm and the racket at equal steps of time."""
+"""Compute the data of the 3D scene in which the page replays a ball: ball, arm and racket at equal steps of time."""
 
 from __future__ import annotations
 
@@ -11,19 +11,25 @@ from tt_core.states import Array
 from .arm_pose import ArmPose
 from .run_record import BallRecord
 
-STEP = 0.02  # s
-SCENE_TIME = 4.0  # s that are played
+STEP = 0.02  # s from one step of the replay to the next
+SCENE_TIME = 4.0  # s, longest replay of a ball
 RIM = 24  # points of the racket's rim
-DIGITS = 3  # after the point of lengths in m that the page holds
+DIGITS = 3  # decimals of lengths in m on the page
 
 
 def rally_scene(ball: BallRecord, arm: ArmPose | None) -> dict[str, Any]:
-    """Return the scene of a ball, as the page takes it.
+    """Return the data of the 3D scene of one ball, in lists that the page can read. Positions are in the frame `table`, m.
+
+    Args:
+        ball: Record of the ball.
+        arm: The arm of the recording; None to show no arm.
 
     Returns:
-        `table`: length and width of the table, x, height and overhang of the net, m. `step`: s from one step to the next, the first of
-        which is the launch. `true`, `predicted`: lines (n, 3) m. `asked`, `landed`: places (3,) m, or None. One entry for each step:
-        `ball`: (3,) m, or None; `arm`: line (n, 3) m; `racket`: rim (RIM, 3) m.
+        A dictionary with these keys. `table`: length and width of the table, and x, height and overhang of the net, m. `step`: time from
+        one step to the next, s; the first step is at the start of the record. `true`, `predicted`: the true and the predicted path, (n, 3).
+        `asked`, `landed`: landing that was asked for and reached, (3,), or None. `ball`: for each step, the position of the ball, (3,),
+        or None. `arm`: for each step, the line from joint to joint to the racket, (n, 3). `racket`: for each step, the rim of the racket,
+        (RIM, 3). `arm` and `racket` are empty without an arm.
     """
     times = np.arange(ball.start, min(ball.end, ball.start + SCENE_TIME), STEP)
     scene: dict[str, Any] = {
@@ -50,7 +56,7 @@ def rally_scene(ball: BallRecord, arm: ArmPose | None) -> dict[str, Any]:
 
 
 def _ball_at(ball: BallRecord, times: Array) -> list[list[float] | None]:
-    """Return where the ball is: the true one if it is recorded, otherwise the predicted one."""
+    """Return the position of the ball at each time (s): that of the true ball if recorded, else of the predicted one; None if not known."""
     rows = ball.truth
     if not len(rows) and ball.path is not None:
         rows = np.column_stack([ball.path.times, ball.path.positions])

@@ -1,4 +1,4 @@
-"""The page of a run: a verdict, a table, and each ball in a file of its own, which the page loads when somebody asks for it."""
+"""Write the page of a run: a summary, a table of the balls, and a file for each ball, which the page loads when a reader opens it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .rally_scene import STEP, rally_scene
 from .run_record import BallRecord, RunRecord
 from .words import HEAD, facts, row, verdict
 
-FOLDER = "{}_balls"  # of the files of the balls, beside the page of this name
+FOLDER = "{}_balls"  # folder of the files of the balls, beside the page whose name (without .html) is inserted
 PAGE = Markup(
     '<div id="balls"><p><button id="earlier" type="button">Earlier ball</button> <button id="later" type="button">Later ball</button></p>'
     '<div id="ball"></div></div>'
@@ -29,14 +29,14 @@ PAGE = Markup(
 
 
 def write_report(bag: Path, file: Path) -> RunRecord:
-    """Write the page of a recording, and beside it the folder of its balls and the code that draws its figures.
+    """Write the page of a recording, and beside it the folder with the files of its balls and the code that draws the figures.
 
     Args:
-        bag: A recording of any kind.
-        file: The page.
+        bag: The recording, a bag of any kind.
+        file: Path of the page, which is overwritten.
 
     Returns:
-        What was recorded.
+        Record of the run.
 
     Raises:
         TtError: The bag cannot be read, or holds several robots.
@@ -56,7 +56,7 @@ def write_report(bag: Path, file: Path) -> RunRecord:
 
 
 def _page(run: RunRecord, folder: str) -> str:
-    """Return the page, which loads the balls from `folder`."""
+    """Return the HTML of the page, which loads the files of the balls from `folder`."""
     balls = run.balls
     sections = []
     if balls:
@@ -81,7 +81,15 @@ def _page(run: RunRecord, folder: str) -> str:
 
 
 def recorded_arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> ArmPose | None:
-    """Return the recorded arm; that of the parameters if its description was not recorded; None if neither fits the joints."""
+    """Return the arm of a recording.
+
+    Args:
+        run: Record of the run, with the URDF if it was recorded.
+        values: Parameter values by name, for each node. They name the arm that is used if no URDF was recorded.
+
+    Returns:
+        The arm; None if no joint states were recorded, or the arm does not have their joints or cannot be read.
+    """
     if not run.joint_names:
         return None
     try:
@@ -93,7 +101,7 @@ def recorded_arm(run: RunRecord, values: Mapping[str, Mapping[str, Any]]) -> Arm
 
 
 def _with_images(balls: Sequence[BallRecord], found: Iterable[BallImages]) -> Iterable[tuple[BallRecord, BallImages | None]]:
-    """Yield each ball with the last burst that belongs to it; None without one. Both are in order of time."""
+    """Yield each ball with the images of its last burst, or None if it has none. Both arguments are in the order of time."""
     bursts, burst = iter(found), None
     burst = next(bursts, None)
     for i, ball in enumerate(balls):
@@ -106,7 +114,7 @@ def _with_images(balls: Sequence[BallRecord], found: Iterable[BallImages]) -> It
 
 
 def _ball_file(ball: BallRecord, found: BallImages | None, run: RunRecord, arm: ArmPose | None) -> str:
-    """Return the JavaScript that gives a ball to the page."""
+    """Return the JavaScript file that passes the data of a ball to the page."""
     images = [{**asdict(image), "ms": 1e3 * (image.time - found.time)} for image in found.images] if found is not None else []
     figures = [from_the_side(ball), from_above(ball), prediction_error(ball), *joint_figures(ball, run, arm)]
     if ball.latencies:

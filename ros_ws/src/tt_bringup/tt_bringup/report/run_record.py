@@ -1,4 +1,4 @@
-"""A recorded run, ball by ball: what the nodes said, asked and did for each of them. Images are read by `ball_images`."""
+"""Read a recorded run and split it into balls: what the nodes published about each ball. Images are read by `ball_images`."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from tt_racket.goal import GoalParams, default_goal
 from ..demo_metrics import DemoMetrics, demo_metrics, launched_ball
 
 TOPICS = ("ball/measured", "ball/path", "return/goal", "joint_states", "arm/swing", "diagnostics", "sim/ball", "robot_description")
-OLD_NAMES = {"arm_trajectory_controller/joint_trajectory": "arm/swing"}  # in bags of earlier versions
-STAGES = {  # by the event that ends each, in order: its name for people
+OLD_NAMES = {"arm_trajectory_controller/joint_trajectory": "arm/swing"}  # present names of topics, by their names in old bags
+STAGES = {  # stages from the images to the first command, in order: name for people, by the event that ends the stage
     Event.MEASURED: "measuring",
     Event.PATH: "predicting",
     Event.STROKES: "finding strokes",
     Event.FIRST_COMMAND: "planning and first command",
 }
-BEFORE, AFTER = 0.3, 2.0  # s around a measured ball where no simulator tells when the ball was launched and over
-SAME = 1e-4  # s between the stamps of two results of one burst
-LATEST_GOAL = 0.8  # s after the launch, until which a goal is one for this ball
-NEAREST = 0.01  # s, at most, from a measurement to the true state that it is compared with
+BEFORE, AFTER = 0.3, 2.0  # s before and after the measurement of a ball that count as its time if no simulator tells it
+SAME = 1e-4  # s, largest difference between the stamps of two results of the same burst (the images of one ball)
+LATEST_GOAL = 0.8  # s after the launch of a ball; a goal that comes later is for the next ball
+NEAREST = 0.01  # s, largest difference in time between a measurement and the true state with which it is compared
 
-OVER = {"launched", "result"}  # keys of a status about a ball that is over, also in bags of earlier versions
+OVER = {"launched", "result"}  # keys by which a status about a ball that is over is recognized, also in old bags
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """A planned swing.
+    """A planned swing: the joint motion with which the arm hits the ball.
 
     Attributes:
         times: (n,) s.
-        q: (n, joints) rad or m.
-        qdot: (n, joints) rad/s or m/s.
-        strike: s, when the racket meets the ball.
+        q: (n, joints) joint positions at these times, rad or m.
+        qdot: (n, joints) joint speeds at these times, rad/s or m/s.
+        strike: Time at which the racket meets the ball, s.
     """
 
     times: Array
@@ -54,21 +54,21 @@ class Swing:
 
 @dataclass(frozen=True, eq=False)
 class BallRecord:
-    """One ball. What did not happen or is not in the recording is None or empty.
+    """What was recorded about one ball. A value is None or empty if it did not happen or was not recorded.
 
     Attributes:
-        number: From 1 on.
-        start: s, when it was launched, or a little before it was measured.
-        end: s, when it was over and the arm back.
-        measured: As it was measured.
-        path: As it was predicted.
-        goal: What was asked of its return.
-        swing: What the arm was to do.
-        joints: (n, 1 + 2 joints) time s, positions rad or m, speeds.
-        truth: (n, 4) time s and true place m.
-        latencies: ms since the last image, by the event of STAGES.
-        warnings: What the nodes warned of meanwhile, each once.
-        metrics: What it was, was measured, asked and reached, where a simulator tells the truth.
+        number: Number of the ball in the run, from 1 on.
+        start: Time of its launch, s; without a simulator BEFORE s before its measurement.
+        end: Time at which it was over and the swing had ended, s.
+        measured: Last measured state of the ball.
+        path: Last predicted path of the ball.
+        goal: Return that was asked for.
+        swing: Last planned swing.
+        joints: (n, 1 + 2 joints) joint states from start to end; each row is time (s), positions (rad or m), speeds (rad/s or m/s).
+        truth: (n, 4) true states of the ball from start to end; each row is time (s) and position (m).
+        latencies: Time from the last camera image to the end of each stage, ms, by the event of STAGES.
+        warnings: Warnings of the nodes during this time, each once.
+        metrics: Comparison of what was true, measured, asked for and reached; None if no simulator tells the truth.
     """
 
     number: int
@@ -86,12 +86,12 @@ class BallRecord:
 
     @property
     def title(self) -> str:
-        """What people call it."""
+        """Title for people, e.g. "Ball 1: top 3"."""
         return f"Ball {self.number}" + (f": {self.metrics.kind}" if self.metrics else "")
 
     @property
     def reason(self) -> str | None:
-        """Why it was not returned, as far as that is known; None if it was, or if nobody tells."""
+        """Why the ball was not returned; None if it was returned, or if that is not known."""
         if self.metrics is not None:
             return self.metrics.reason
         if self.measured is None or self.swing is None:
@@ -101,13 +101,13 @@ class BallRecord:
 
 @dataclass(frozen=True, eq=False)
 class RunRecord:
-    """A run.
+    """What was recorded about a run.
 
     Attributes:
-        bag: Where it is recorded.
-        balls: Its balls, in order.
-        joint_names: In the order of `BallRecord.joints`.
-        urdf: Description of the robot; "" if it is not recorded.
+        bag: Path of the recording.
+        balls: The balls of the run, in the order of time.
+        joint_names: Names of the joints, in the order of `BallRecord.joints`.
+        urdf: URDF of the robot; "" if it was not recorded.
     """
 
     bag: Path
@@ -117,11 +117,11 @@ class RunRecord:
 
     @classmethod
     def read(cls, path: Path) -> RunRecord:
-        """Read a recording of any kind.
+        """Read a recording, a bag of any kind.
 
         Raises:
             BagError: The bag cannot be read, or holds several robots.
-            TtError: A message in it is none that the nodes publish.
+            TtError: A message has content that the nodes do not publish.
         """
         messages = _Messages()
         with Bag(path) as bag:
@@ -133,7 +133,7 @@ class RunRecord:
 
 @dataclass
 class _Messages:
-    """What was recorded, converted, in the order of its arrival."""
+    """The recorded messages, converted, in the order of arrival."""
 
     measured: list[BallState] = field(default_factory=list)
     paths: list[BallPath] = field(default_factory=list)
@@ -147,7 +147,7 @@ class _Messages:
     urdf: str = ""
 
     def take(self, topic: str, message: Any) -> None:
-        """Take a message. topic: one of TOPICS."""
+        """Convert and keep a message. topic: one of TOPICS."""
         match topic:
             case "ball/measured":
                 self.measured.append(ball_from_message(message))
@@ -170,7 +170,7 @@ class _Messages:
                 self.urdf = message.data
 
     def balls(self) -> list[BallRecord]:
-        """Return the balls: those that a simulator launched, or else those that were measured."""
+        """Return the balls of the run: those that the simulator launched, or without a simulator those that were measured."""
         overs = [status for status in self.statuses if status.values.keys() >= OVER]
         spans: list[tuple[float, float, dict[str, str]]]
         if overs:
@@ -189,7 +189,15 @@ class _Messages:
         ]
 
     def _ball(self, number: int, span: _Span, outcome: dict[str, str], joints: Array, truth: Array) -> BallRecord:
-        """Collect what belongs to one ball. outcome: what the simulator said of it; empty without one."""
+        """Collect what was recorded about one ball.
+
+        Args:
+            number: Number of the ball.
+            span: When it was in play.
+            outcome: Values of the simulator's report on the ball; empty without a simulator.
+            joints: (n, 1 + 2 joints) all joint states, as in BallRecord.
+            truth: (n, 4) all true states, as in BallRecord.
+        """
         measured = _last([ball for ball in self.measured if span.holds(ball.time)])
         path = _last([path for path in self.paths if span.holds(path.times[0])])
         swing = _last([swing for swing in self.swings if span.holds(swing.times[0])])
@@ -223,7 +231,7 @@ class _Messages:
         )
 
     def _true(self, measured: BallState | None, times: Array) -> BallState | None:
-        """Return the recorded true ball nearest to a measurement in time; None if there is none near it. times: of `truth`, s."""
+        """Return the recorded true ball that is nearest in time to a measurement; None if none is within NEAREST. times: of `truth`, s."""
         if measured is None or not len(times):
             return None
         after = int(np.searchsorted(times, measured.time))
@@ -232,14 +240,14 @@ class _Messages:
 
 
 class _Span(NamedTuple):
-    """When a ball was in play. start, over: s; following: s, when the next ball begins."""
+    """When a ball was in play, s: its start, its end (`over`), and the start of the ball that follows."""
 
     start: float
     over: float
     following: float
 
     def holds(self, time: float) -> bool:
-        """Tell whether a time, s, belongs to this ball."""
+        """Return whether a time (s) belongs to this ball: not before its start, and before the next ball."""
         return self.start <= time < self.following
 
 
@@ -248,7 +256,7 @@ def _time(status: ReceivedStatus) -> float:
 
 
 def _within(statuses: Sequence[ReceivedStatus], span: _Span) -> Sequence[ReceivedStatus]:
-    """Return the statuses, which are sorted by time, of a span."""
+    """Return those statuses whose time belongs to a span. The statuses must be sorted by time."""
     return statuses[bisect_left(statuses, span.start, key=_time) : bisect_left(statuses, span.following, key=_time)]
 
 
@@ -257,7 +265,7 @@ def _last(values: Sequence[T]) -> T | None:
 
 
 def _latencies(statuses: Sequence[ReceivedStatus], measured: BallState | None) -> dict[Event, float]:
-    """Return the latency, ms, of the first result of each stage for the burst that was measured; measuring ends with the first estimate."""
+    """Return the latency (ms) of the first result of each stage for a measured ball. Measuring ends with the first estimate, if any."""
     found: dict[Event, float] = {}
     for status in statuses:
         event = Event.MEASURED if status.event is Event.FIRST_ESTIMATE else status.event

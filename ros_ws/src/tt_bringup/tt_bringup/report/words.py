@@ -1,4 +1,4 @@
-"""What a run and its balls say in words and units, for the page and the terminal."""
+"""Text about a run and its balls, for the page and the terminal."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tt_core.ros.diagnostics import Event
 from ..demo_metrics import DemoMetrics
 from .run_record import BallRecord, RunRecord
 
-COLUMNS = 80  # of the text
+COLUMNS = 80  # characters, width of the text in the terminal
 HEAD = ("ball", "shot", "spin, rpm", "off, rpm", "hit", "landing off, cm", "latency, ms", "why not returned")
 
 
 def verdict(run: RunRecord) -> list[str]:
-    """Return what became of the run, in sentences."""
+    """Return the summary of a run as sentences: balls returned, errors, latencies, reasons."""
     balls = run.balls
     if not balls:
         return ["The recording holds no ball: nothing was launched or measured."]
@@ -51,14 +51,14 @@ def _count(number: int) -> str:
 
 
 def landing_error(metrics: DemoMetrics) -> float | None:
-    """Return how far from where it was asked a ball landed, m."""
+    """Return the distance from the landing that was asked for to the one that was reached, m; None if the ball did not land."""
     if metrics.landing_reached is None:
         return None
     return float(np.hypot(*np.subtract(metrics.landing_reached, metrics.landing_asked)))
 
 
 def row(ball: BallRecord) -> list[str]:
-    """Return the cells of a ball below HEAD; what did not happen is a dash."""
+    """Return the cells of a ball's row in the table with the columns HEAD. A value that does not exist is a dash."""
     m, spin = ball.metrics, ball.measured.spin if ball.measured is not None else None
     off = landing_error(m) if m is not None else None
     first = ball.latencies.get(Event.FIRST_COMMAND)
@@ -75,7 +75,7 @@ def row(ball: BallRecord) -> list[str]:
 
 
 def facts(ball: BallRecord) -> list[tuple[str, str]]:
-    """Return what is known of a ball: what, and how much."""
+    """Return what is known about a ball as pairs of texts: the name of a quantity, and its value with unit."""
     found: list[tuple[str, str]] = []
     m, measured = ball.metrics, ball.measured
     if measured is not None:
@@ -110,7 +110,12 @@ def _places(values: Sequence[float]) -> str:
 
 
 def print_run(run: RunRecord, console: Console | None = None) -> None:
-    """Print verdict and balls in COLUMNS columns, or as many as a narrower terminal has."""
+    """Print the summary of a run and a table of its balls, at most COLUMNS characters wide.
+
+    Args:
+        run: The run.
+        console: Where to print; None for standard output.
+    """
     console = console or Console()
     console.width = min(console.width, COLUMNS)
     for sentence in verdict(run):

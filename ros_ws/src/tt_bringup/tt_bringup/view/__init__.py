@@ -1,1 +1,1 @@
-"""The robot drawn in 3D: what is known (`scene`), as simple shapes (`items`), shown in a browser or published as markers."""
+"""The robot drawn in 3D: the known state (`scene`) as simple shapes (`items`), which are shown in a browser or published as markers."""

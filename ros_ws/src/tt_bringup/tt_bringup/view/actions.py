@@ -1,4 +1,4 @@
-"""What a user of the view can ask for."""
+"""Actions that a user of the live view can ask for by its buttons."""
 
 from __future__ import annotations
 
@@ -9,14 +9,23 @@ from tt_core.states import ReturnGoal
 
 @dataclass(frozen=True)
 class Launch:
-    """Launch a ball of a kind and a scale, e.g. "top 3"."""
+    """Launch one ball.
+
+    Attributes:
+        shot: Kind of the ball (top, back, left or right spin) and scale of the launcher (1 to 10), separated by a space, e.g. "top 3".
+    """
 
     shot: str
 
 
 @dataclass(frozen=True)
 class SetRate:
-    """Launch so many balls a minute; 0: on request only. shot: kind and scale of the balls."""
+    """Launch balls at a rate.
+
+    Attributes:
+        shot: Kind and scale of the balls, as in Launch, e.g. "top 3".
+        rate: Balls per minute; 0 to launch balls on request only.
+    """
 
     shot: str
     rate: float
@@ -24,14 +33,18 @@ class SetRate:
 
 @dataclass(frozen=True, eq=False)
 class SetGoal:
-    """Ask for another return."""
+    """Change the goal of the returns.
+
+    Attributes:
+        goal: Landing place, flight time and spin that returned balls are to have.
+    """
 
     goal: ReturnGoal
 
 
 @dataclass(frozen=True)
 class Enable:
-    """Let the arm move."""
+    """Enable the arm, so that it may move."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +54,18 @@ class Stop:
 
 @dataclass(frozen=True)
 class Pause:
-    """Let simulated time stand still, or go on."""
+    """Pause or resume simulated time.
+
+    Attributes:
+        on: True to pause, False to resume.
+    """
 
     on: bool
 
 
 @dataclass(frozen=True)
 class Step:
-    """Let a step of simulated time pass."""
+    """Advance simulated time by one step while it is paused."""
 
 
 Action = Launch | SetRate | SetGoal | Enable | Stop | Pause | Step

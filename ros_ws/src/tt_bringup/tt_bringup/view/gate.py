@@ -1,7 +1,8 @@
-"""Access control of the page: accept connections that have the token, or, without a token, those from this machine.
+"""Access control of the page: accept connections that have the token or, if no token is demanded, connections from this machine.
 
-viser has no access control, and any page in the user's browser could connect to a port of the same machine. So viser listens on a port of
-its own, on this machine only, and connections reach it through this gate, which reads the head of the first request of each.
+viser, which serves the page, has no access control, and any web page in the user's browser could connect to a port of the same machine.
+Therefore viser listens on a port of its own, on this machine only. Connections reach it through this gate, which reads the head of the
+first request of each connection.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from urllib.parse import parse_qs, urlsplit
 from tt_core.errors import TtError
 
 COOKIE = "view_token"
-LARGEST_HEAD = 2**14  # bytes of a request's head
-PATIENCE = 10.0  # s for the head to come
-BLOCK = 2**16  # bytes passed on at a time
+LARGEST_HEAD = 2**14  # bytes, largest head of a request
+PATIENCE = 10.0  # s, longest wait for the head of a request
+BLOCK = 2**16  # bytes that are passed on at a time
 
 
 class Answer(Enum):
-    """What happens to a request."""
+    """What the gate does with a request."""
 
     ADMIT = "passed on to the page"
     REMEMBER = "sent to the page with a cookie that holds the token"
@@ -34,14 +35,19 @@ class Answer(Enum):
 
 @dataclass(frozen=True)
 class Request:
-    """The head of an HTTP request. headers: by their names in lower case."""
+    """The head of an HTTP request.
+
+    Attributes:
+        target: Requested path with query, e.g. "/?token=abc".
+        headers: Values of the headers, by their names in lower case.
+    """
 
     target: str
     headers: dict[str, str]
 
     @classmethod
     def parse(cls, head: bytes) -> Request:
-        """Read the head of a request. Raises TtError for what is none."""
+        """Parse the bytes of the head of a request. Raises TtError if they are not the head of an HTTP/1 request."""
         lines = head.decode("latin-1").split("\r\n")
         words = lines[0].split(" ")
         if len(words) != 3 or not words[2].startswith("HTTP/1."):
@@ -51,17 +57,17 @@ class Request:
 
     @property
     def is_websocket(self) -> bool:
-        """Whether it opens a WebSocket."""
+        """Whether the request opens a WebSocket."""
         return self.headers.get("upgrade", "").lower() == "websocket"
 
     @property
     def tokens(self) -> list[str]:
-        """The tokens in the address."""
+        """The values of `token` in the query of the address, usually none or one."""
         return parse_qs(urlsplit(self.target).query).get("token", [])
 
     @property
     def cookie(self) -> str:
-        """The token in the cookie, or ""."""
+        """The token in the gate's cookie; "" if the request does not have this cookie."""
         try:
             cookies = SimpleCookie(self.headers.get("cookie", ""))
         except CookieError:
@@ -70,7 +76,7 @@ class Request:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether an address or a name means this machine."""
+    """Return whether a host is "localhost" or a loopback address, and so means this machine."""
     if host == "localhost":
         return True
     try:
@@ -80,14 +86,14 @@ def is_loopback(host: str) -> bool:
 
 
 def judge(request: Request, token: str) -> Answer:
-    """Decide about a request.
+    """Decide what to do with a request.
 
-    A WebSocket must come from the page itself: its origin is the host that it is sent to. Without a token, the host must be a name of this
-    machine, so that no foreign name that resolves to it is accepted.
+    A WebSocket is refused unless it comes from the page itself: the host of its origin must be the host to which it is sent. If no token is
+    demanded, this host must be a loopback name, so that a foreign name which resolves to this machine is refused.
 
     Args:
-        request: Its head.
-        token: What is demanded; empty: nothing.
+        request: Head of the request.
+        token: The token that is demanded; "" to demand none.
     """
     host, origin = request.headers.get("host", ""), request.headers.get("origin")
     if request.is_websocket and origin is not None and urlsplit(origin).netloc != host:
@@ -100,20 +106,20 @@ def judge(request: Request, token: str) -> Answer:
 
 
 class Gate:
-    """Holds an address from the start, passes connections on after `open`, and ends with `close`.
+    """Server that passes the accepted connections on to the page. It binds its address when made, serves from `open` on until `close`.
 
     Attributes:
-        port: On which it listens.
-        watchers: How many pages are open.
+        port: Port on which it listens.
+        watchers: Number of open pages, counted by their WebSockets.
     """
 
     def __init__(self, host: str, port: int, token: str) -> None:
-        """Take an address.
+        """Bind the address, so that no other program can take it.
 
         Args:
-            host: Address or name of this machine.
-            port: 0: any that is free.
-            token: What is demanded; empty: nothing.
+            host: Address or name of this machine on which to listen.
+            port: Port; 0 for any that is free.
+            token: The token that is demanded; "" to demand none.
 
         Raises:
             TtError: The address cannot be used.
@@ -129,12 +135,12 @@ class Gate:
         self._thread = threading.Thread(target=self._loop.run_forever, name="gate", daemon=True)
 
     def open(self, page_port: int) -> None:
-        """Begin to pass connections on to a port of 127.0.0.1."""
+        """Begin to serve, and pass accepted connections on to the port `page_port` of 127.0.0.1."""
         self._page_port = page_port
         self._thread.start()
 
     def close(self) -> None:
-        """Stop listening and end the thread."""
+        """Stop serving, and end the thread of the server."""
         self._loop.call_soon_threadsafe(self._server.close)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(1.0)
@@ -172,7 +178,7 @@ class Gate:
 
 
 async def _copy(source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
-    """Copy bytes until one side ends."""
+    """Copy bytes until one side closes the connection."""
     with suppress(OSError):
         while block := await source.read(BLOCK):
             target.write(block)

@@ -1,4 +1,4 @@
-"""The page of the view: the 3D scene, panels and buttons, served by viser. What a user asks for is put into a queue."""
+"""The page of the live view: 3D scene, panels and buttons, served by viser. Actions that a user asks for are put into a queue."""
 
 from __future__ import annotations
 
@@ -25,24 +25,26 @@ from .scene import Scene
 from .viser_scene import ViserScene
 
 TITLE = "Table tennis robot"
-COLOURS = ("#2e8b57", "#c77f1a", "#c0392b", "#888888")  # of the levels of diagnostics: OK, warning, error, stale
+COLOURS = ("#2e8b57", "#c77f1a", "#c0392b", "#888888")  # colours of the levels of diagnostics: OK, warning, error, stale
 NAMES = ("ok", "warning", "error", "stale")
-EYE, TARGET = (-1.6, -3.1, 2.3), (0.75, 0.76, 0.0)  # m, from where the table is seen at first, and what is in the middle then
-FIELD_OF_VIEW = 0.9  # rad, upwards
-NARROW = np.array([-0.4, -0.5, 1.3])  # m, by which a narrow window looks past the table
-SIDE = 232  # pixels, width of an image that is sent; a taller one is squeezed
+EYE, TARGET = (-1.6, -3.1, 2.3), (0.75, 0.76, 0.0)  # m in `table`, first position of the view's camera, and the point it looks at
+FIELD_OF_VIEW = 0.9  # rad, vertical
+NARROW = np.array([-0.4, -0.5, 1.3])  # m, shift of both in a narrow window, so that the table is above the panels
+SIDE = 232  # pixels, width of an image that is sent; a taller image is squeezed to this height
 STYLE = "font-size:0.8em;line-height:1.35;width:100%;border-collapse:collapse"
 
 
 class Page:
-    """The page. All methods are called by one thread; buttons are answered by viser's threads, which fill `actions`.
+    """The page of the live view.
+
+    All its methods are called by one thread. Pressed buttons are handled by threads of viser, which put actions into the queue.
 
     Attributes:
-        actions: What users have asked for.
+        actions: Queue of the actions that users have asked for.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Lay out the page."""
+        """Make the 3D scene, the panels and the buttons on a viser server."""
         self.actions: SimpleQueue[Action] = SimpleQueue()
         self._server, self._scene = server, ViserScene(server.scene)
         server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
@@ -115,12 +117,18 @@ class Page:
         self.actions.put(action)
 
     def draw(self, items: Sequence[Item]) -> None:
-        """Show the 3D scene."""
+        """Show the items in the 3D scene, and no others."""
         with self._server.atomic():
             self._scene.draw(items)
 
     def show(self, scene: Scene, readings: Readings, now: float) -> None:
-        """Show in the panels what is known at `now` (s)."""
+        """Update the panels: images, latencies, joint speeds, diagnostics and the message to the user.
+
+        Args:
+            scene: The scene, which has the joint speeds.
+            readings: All other data of the panels.
+            now: Present time, s.
+        """
         missing = [f"mesh not found: {place}" for place in sorted(self._scene.missing)]
         self._shown.content = f"<div style='padding:0 1em;font-size:0.85em'>{html.escape(' '.join([readings.shown, *missing]))}</div>"
         self._latency.content = latency_table(readings)
@@ -133,21 +141,21 @@ class Page:
 
 
 def step_back(client: viser.ClientHandle) -> None:
-    """Show a narrow window, such as that of a telephone, the whole table, above the panels in its lower half."""
+    """Move the view's camera back if a browser's window is narrow, as on a phone, so that the whole table is visible above the panels."""
     if client.camera.aspect < 1.0:
         client.camera.position = np.array(TARGET) + 1.9 * (np.array(EYE) - TARGET) - NARROW
         client.camera.look_at = np.array(TARGET) - NARROW
 
 
 def clicked_place(origin: Array, direction: Array) -> Array | None:
-    """Return where a ray meets the opponent's half of the table.
+    """Return the point at which the ray of a mouse click meets the opponent's half of the table.
 
     Args:
-        origin: (3,) m in `table`.
-        direction: (3,).
+        origin: (3,) m, start of the ray in the frame `table`.
+        direction: (3,) direction of the ray, of any length.
 
     Returns:
-        (2,) m, or None if it does not meet it.
+        x and y of the point, (2,) m; None if the ray does not meet this half from above.
     """
     if direction[2] >= -1e-9 or origin[2] <= 0.0:  # it does not come from above
         return None
@@ -156,7 +164,14 @@ def clicked_place(origin: Array, direction: Array) -> Array | None:
 
 
 def side_by_side(images: Sequence[np.ndarray]) -> np.ndarray:
-    """Return images (h, w), uint8 or uint16, beside each other as RGB uint8, each SIDE pixels wide and stretched to its brightest pixel."""
+    """Return up to two images beside each other as one RGB image.
+
+    Args:
+        images: (h, w) each, uint8 or uint16.
+
+    Returns:
+        (SIDE, 2 SIDE, 3) uint8. Each image is SIDE pixels wide, and its grey levels are scaled so that its brightest pixel is white.
+    """
     shown = np.zeros((SIDE, 2 * SIDE, 3), np.uint8)
     for i, image in enumerate(images[:2]):
         height, width = image.shape
@@ -167,7 +182,7 @@ def side_by_side(images: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def latency_table(readings: Readings) -> str:
-    """Return the latencies as HTML."""
+    """Return a table of the newest and the median latency of each stage as HTML."""
     rows = "".join(
         f"<tr><td>{html.escape(stage)}</td><td align='right'>{last:.1f}</td><td align='right'>{median:.1f}</td></tr>"
         for stage, last, median in readings.median_latencies()
@@ -176,7 +191,7 @@ def latency_table(readings: Readings) -> str:
 
 
 def speed_bars(scene: Scene) -> str:
-    """Return the joint speeds against their limits as HTML."""
+    """Return a table with a bar for each joint, its speed relative to its limit, as HTML."""
     rows = []
     for name, limit in scene.robot.speed_limits.items():
         speed = abs(scene.joints.speeds.get(name, 0.0))
@@ -191,7 +206,7 @@ def speed_bars(scene: Scene) -> str:
 
 
 def health_table(readings: Readings, now: float) -> str:
-    """Return the diagnostics at `now` (s) as HTML, those that are not OK first."""
+    """Return a table of the diagnostics at the time `now` (s) as HTML, the worst first."""
     rows = []
     for status in readings.health_at(now):
         level = min(status.level, 3)

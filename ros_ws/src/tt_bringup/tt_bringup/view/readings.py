@@ -1,4 +1,4 @@
-"""What the panels of the view show: latencies, diagnostics and camera images, as far as they have arrived."""
+"""Data that the panels of the live view show: the newest latencies, diagnostics and camera images."""
 
 from __future__ import annotations
 
@@ -12,15 +12,22 @@ from typing import NamedTuple
 import numpy as np
 from tt_core.arrays import Array
 
-KEPT = 50  # latencies of each stage
-MOST_NAMES = 60  # statuses that are kept
-STALE = 5.0  # s after which a status that was not repeated is stale
-IMAGE_KEPT = 1.0  # s for which a darker image does not replace a brighter one
+KEPT = 50  # number of newest latencies that are kept of each stage
+MOST_NAMES = 60  # most statuses that are kept
+STALE = 5.0  # s without repetition, after which a status is stale
+IMAGE_KEPT = 1.0  # s during which a darker image does not replace a brighter one
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """The newest status of one part of a node, which came at `time` (s). level: 0 OK, 1 warning, 2 error, 3 stale."""
+    """A diagnostic status of a node or of a part of it.
+
+    Attributes:
+        time: Time of arrival, s.
+        name: Name of the node, followed by ": part" if the status is about a part of it.
+        level: 0 OK, 1 warning, 2 error, 3 stale.
+        message: Text for people.
+    """
 
     time: float
     name: str
@@ -29,7 +36,13 @@ class Health:
 
 
 class KeptImage(NamedTuple):
-    """An image (h, w), the sum of its grey levels, and when it came, s."""
+    """A camera image that is kept to be shown.
+
+    Attributes:
+        image: (h, w) grey levels, uint8 or uint16.
+        brightness: Sum of its grey levels.
+        time: Time of arrival, s.
+    """
 
     image: np.ndarray
     brightness: float
@@ -38,13 +51,13 @@ class KeptImage(NamedTuple):
 
 @dataclass
 class Readings:
-    """The newest of everything that is not in the 3D scene.
+    """The newest data of everything that is shown beside the 3D scene.
 
     Attributes:
-        latencies: ms from the last frame to each stage, newest last, by the stage.
-        health: By name.
-        images: By camera.
-        shown: What was last done for the user, or why not.
+        latencies: Times from the last camera frame to the end of a stage, ms, the newest last, by stage.
+        health: Newest status of each node or part, by name.
+        images: Image that is shown of each camera, by camera.
+        shown: Message about the last action of a user: what was done, or why not.
     """
 
     latencies: dict[str, deque[float]] = field(default_factory=dict)
@@ -53,17 +66,25 @@ class Readings:
     shown: str = ""
 
     def take_latency(self, stage: str, milliseconds: float) -> None:
-        """Take the latency (ms) of a stage."""
+        """Add a latency (ms) of a stage, e.g. "measured"."""
         self.latencies.setdefault(stage, deque(maxlen=KEPT)).append(milliseconds)
 
     def take_image(self, camera: str, image: np.ndarray, now: float) -> None:
-        """Take an image (h, w) that came at `now` (s); of a burst the brightest is kept, in which most of the ball is seen."""
+        """Keep a camera image, unless a brighter one arrived less than IMAGE_KEPT s before.
+
+        Thus the brightest image of a burst (the images of one ball) is kept, in which most of the ball is seen.
+
+        Args:
+            camera: Name of the camera.
+            image: (h, w) grey levels, uint8 or uint16.
+            now: Time of arrival, s.
+        """
         new, kept = KeptImage(image, float(image.sum()), now), self.images.get(camera)
         if kept is None or new.brightness >= kept.brightness or not 0.0 <= now - kept.time < IMAGE_KEPT:
             self.images[camera] = new
 
     def take_health(self, statuses: Iterable[Health]) -> None:
-        """Take statuses; the oldest names go when there are too many."""
+        """Keep statuses, each in place of the older one of its name. Above MOST_NAMES names, those not updated for longest are dropped."""
         for status in statuses:
             self.health.pop(status.name, None)
             self.health[status.name] = status
@@ -71,18 +92,21 @@ class Readings:
             del self.health[next(iter(self.health))]
 
     def health_at(self, now: float) -> list[Health]:
-        """Return all statuses at `now` (s), the worst first; those that were not repeated are stale."""
+        """Return all statuses, the worst first. Those that have not been repeated for STALE s at the time `now` (s) get the level stale."""
         aged = [status if now - status.time < STALE else replace(status, level=3) for status in self.health.values()]
         return sorted(aged, key=lambda status: (-status.level, status.name))
 
     def median_latencies(self) -> list[tuple[str, float, float]]:
-        """Return stage, newest latency and median latency, ms, in the order of the data."""
+        """Return a row for each stage: its name, its newest latency and its median latency (ms), sorted by the median."""
         rows = [(stage, values[-1], statistics.median(values)) for stage, values in self.latencies.items()]
         return sorted(rows, key=lambda row: row[2])
 
 
 def landing_place(values: dict[str, str]) -> Array | None:
-    """Return where a ball landed, (3,) m, from the values of a status "ball over"; None if it did not, or they hold no place."""
+    """Return where a ball landed, (3,) m in the frame `table`. values: those of the simulator's status "ball over".
+
+    None is returned if the ball did not land, or if the values hold no valid place.
+    """
     try:
         row = json.loads(values.get("landing", "null"))
         place = np.array(row[1:4], dtype=float) if row else None

@@ -1,4 +1,4 @@
-"""The arm as it looks: the visual elements of a URDF, and where the links are for given joint positions."""
+"""The visible shapes of the arm: the visual elements of its URDF, placed by given joint positions."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tt_core.errors import TtError
 
 from .items import Colour, Item, Shape
 
-GREY: Colour = (0.62, 0.65, 0.7, 1.0)  # of a link without a material
-RED: Colour = (0.75, 0.13, 0.12, 1.0)  # of the racket, if the URDF gives it no colour
+GREY: Colour = (0.62, 0.65, 0.7, 1.0)  # colour of a link, if the URDF gives it none
+RED: Colour = (0.75, 0.13, 0.12, 1.0)  # colour of the racket, if the URDF gives it none
 RACKET = "racket"
 
 
@@ -23,17 +23,18 @@ class RobotShapes:
     """The visible shapes of a robot.
 
     Attributes:
-        name: Of the robot.
-        speed_limits: rad/s or m/s, by the name of each joint that moves.
+        name: Name of the robot.
+        speed_limits: Speed limit of each moving joint by name, rad/s or m/s.
     """
 
     def __init__(self, urdf: str) -> None:
-        """Read a URDF (XML).
+        """Read a URDF.
 
-        Its root link is taken as `table`, unless the root has another name: then it stands at the origin of `table`.
+        Args:
+            urdf: Text of the URDF. Its root link is placed at the origin of the frame `table`.
 
         Raises:
-            TtError: The text is no URDF, or a visual element holds no geometry that is known.
+            TtError: The text is no URDF, or a visual element has an unknown geometry.
         """
         try:
             self._model = pin.buildModelFromXML(urdf)
@@ -52,7 +53,11 @@ class RobotShapes:
         ]
 
     def items(self, positions: Mapping[str, float]) -> list[Item]:
-        """Return the shapes with the joints at `positions`, rad or m by name; a joint that is not named is at its neutral position."""
+        """Return the shapes of the robot at given joint positions, as items in the frame `table`.
+
+        Args:
+            positions: Position of each joint by name, rad or m. A joint that is not named is at its neutral position.
+        """
         q = pin.neutral(self._model)
         for name, joint in self._joints.items():
             if name in positions:  # a joint without limits is a point on the unit circle
@@ -66,12 +71,12 @@ def _on_circle(angle: float) -> tuple[float, float]:
 
 
 def _placed(item: Item, link: pin.SE3) -> Item:
-    """Return an item of a link where the link is."""
+    """Return an item, given in the frame of its link, in the frame `table`. link: the pose of the link."""
     return replace(item, position=link.translation + link.rotation @ item.position, rotation=link.rotation @ item.rotation)
 
 
 def _visual(robot: ET.Element, link: ET.Element, index: int, visual: ET.Element) -> Item:
-    """Return one visual element in the frame of its link."""
+    """Return one visual element of a link as an item in the frame of the link."""
     name = f"arm/{link.get('name')}/{index}"
     origin = visual.find("origin")
     position = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
@@ -82,7 +87,7 @@ def _visual(robot: ET.Element, link: ET.Element, index: int, visual: ET.Element)
 
 
 def _geometry(name: str, geometry: ET.Element | None) -> tuple[Shape, Array, str]:
-    """Return shape, size as of Item, and where the mesh is."""
+    """Return shape, size and mesh of a geometry, as the attributes of Item."""
     forms = {} if geometry is None else {form.tag: form for form in geometry}
     if (form := forms.get("box")) is not None:
         return Shape.BOX, _numbers(form, "size", (1.0, 1.0, 1.0)), ""
@@ -97,7 +102,7 @@ def _geometry(name: str, geometry: ET.Element | None) -> tuple[Shape, Array, str
 
 
 def _colour(robot: ET.Element, visual: ET.Element) -> Colour | None:
-    """Return the colour of a visual element, None if it has none; a material without one is looked up among those of the robot."""
+    """Return the colour of a visual element; None if it has none. A material without a colour is looked up among those of the robot."""
     material = visual.find("material")
     if material is None:
         return None
@@ -111,12 +116,12 @@ def _colour(robot: ET.Element, visual: ET.Element) -> Colour | None:
 
 
 def _number(form: ET.Element, key: str) -> float:
-    """Return the number of an attribute that must be there."""
+    """Return the number in an XML attribute. Raises TtError if there is none."""
     return float(_numbers(form, key, (math.nan,))[0])
 
 
 def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...]) -> Array:
-    """Return the numbers of an attribute; raises TtError if they are not as many as in `default`, or not finite."""
+    """Return the numbers in an XML attribute. Raises TtError if they are not as many as in `default`, or not finite."""
     text = None if element is None else element.get(key)
     if text is None and not any(map(math.isnan, default)):
         return np.array(default)

@@ -1,7 +1,7 @@
-"""What is known of table, arm and ball at this moment, and the items that show it.
+"""The present state of table, arm and ball as far as it is known, and the items (simple shapes) that show it.
 
-Everything has a time of arrival, by the clock of whoever calls. What is older than its lifetime is not shown, so that nothing stale stays.
-Stamps may be in another clock than arrivals, as in a bag that is replayed: the newest high-rate stamp tells the difference of both.
+Everything gets a time of arrival by the clock of the caller. It is not shown any more when it is older than its lifetime. Stamps may be of
+another clock than arrivals, as when a bag is played: the difference of both is taken from the newest message of a frequent topic.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from .robot_shapes import RobotShapes
 
 T = TypeVar("T")
 
-BALL_LIFETIME = 0.5  # s after the last state of a ball
-PATH_LIFETIME = 2.0  # s after the end of a path, and after a strike
-LANDING_LIFETIME = 6.0  # s after a landing is told
-TRAIL = 1.2  # s of the true ball
-TRAIL_POINTS = 400  # of the trail at most
-SAMPLES = 8  # ellipsoids along a path
-SIGMAS = 3.0  # standard deviations of an ellipsoid's half axes
-STROKES = 6  # candidates that are shown
-SPIN_LENGTH = 1e-3  # m of the spin's arrow in 1 rad/s
-SAME_CLOCK = 5.0  # s between stamp and arrival, above which they are of different clocks
-MATCH = 1e-5  # s between the time of a state and the start of the path that was predicted from it
-STATES = 32  # newest states that are kept, for the tracker may send several before the path of one arrives
+BALL_LIFETIME = 0.5  # s for which the true ball is shown after its last state
+PATH_LIFETIME = 2.0  # s for which a path is shown after its end, and strokes after the strike
+LANDING_LIFETIME = 6.0  # s for which a landing is shown
+TRAIL = 1.2  # s, length of the trail of the true ball
+TRAIL_POINTS = 400  # most points of this trail
+SAMPLES = 8  # number of ellipsoids along a path
+SIGMAS = 3.0  # half axes of an ellipsoid in standard deviations
+STROKES = 6  # most candidate strokes that are shown
+SPIN_LENGTH = 1e-3  # m, length of the spin's arrow for 1 rad/s
+SAME_CLOCK = 5.0  # s between stamp and arrival, above which they are taken to be of different clocks
+MATCH = 1e-5  # s, largest difference between the time of a state and the start of the path predicted from it
+STATES = 32  # number of newest states that are kept, because the tracker may send several before the path of one arrives
 
 BLUE: Colour = (0.09, 0.29, 0.46, 1.0)
 WHITE: Colour = (0.95, 0.95, 0.95, 1.0)
@@ -60,8 +60,8 @@ YELLOW: Colour = (0.95, 0.85, 0.2, 0.9)  # the landing that was reached
 
 
 def table_items() -> list[Item]:
-    """Return the table with its lines, and the net."""
-    width, above = 0.02, 1e-3  # m: of a line (ITTF laws 2.1), and of its distance from the surface, so that it is seen
+    """Return the items that show the table with its lines, and the net."""
+    width, above = 0.02, 1e-3  # m, width of a line (ITTF laws 2.1), and its height above the surface, so that it is visible
     corners = np.array([[0, 0], [TABLE_LENGTH, 0], [TABLE_LENGTH, TABLE_WIDTH], [0, TABLE_WIDTH], [0, 0]], float)
     inner = np.clip(corners, 0.5 * width, np.array([TABLE_LENGTH, TABLE_WIDTH]) - 0.5 * width)
     middle = np.array([[0.0, 0.5 * TABLE_WIDTH, above], [TABLE_LENGTH, 0.5 * TABLE_WIDTH, above]])
@@ -75,7 +75,7 @@ def table_items() -> list[Item]:
 
 
 def warm(physics: Physics) -> None:
-    """Load the kernels, so that no drawing waits for them."""
+    """Load the compiled kernels that a scene uses, so that no drawing waits for them. physics: models of flight and rebounds."""
     ball = BallState(0.0, np.array([2.0, 0.7, 0.3]), np.array([-5.0, 0.0, 1.0]), np.zeros(3), 1e-6 * np.eye(9))
     covariances(ball, physics, np.array([0.1]))
     BallPath(np.zeros(1), ball.position[None], ball.velocity[None], ball.spin[None]).at(0.0)
@@ -83,7 +83,7 @@ def warm(physics: Physics) -> None:
 
 @dataclass(slots=True)
 class Timed(Generic[T]):
-    """A value with the time (s) until which it is shown."""
+    """A value with the time of arrival (s) until which it is shown."""
 
     value: T
     until: float
@@ -91,27 +91,34 @@ class Timed(Generic[T]):
 
 @dataclass(slots=True)
 class Joints:
-    """Joint states by name: position rad or m, speed rad/s or m/s."""
+    """A joint state.
+
+    Attributes:
+        positions: Position of each joint by name, rad or m.
+        speeds: Speed of each joint by name, rad/s or m/s; empty if speeds are not known.
+    """
 
     positions: Mapping[str, float] = field(default_factory=dict)
     speeds: Mapping[str, float] = field(default_factory=dict)
 
 
 class Scene:
-    """All that is drawn. Every `take_...` method gets the time of arrival `now` in s.
+    """Everything that is drawn in 3D: table, arm, ball, predicted path, strokes, landing places.
+
+    The `take_...` methods give it new data. In all of them `now` is the time of arrival, s.
 
     Attributes:
         robot: Shapes of the arm.
-        joints: The newest joint states.
+        joints: The newest joint state.
         goal: The newest goal of the return; None before the first.
     """
 
     def __init__(self, robot: RobotShapes, physics: Physics) -> None:
-        """Begin with table and arm.
+        """Begin with the table and the arm, and no ball.
 
         Args:
             robot: Shapes of the arm.
-            physics: With which paths are predicted; their uncertainty is computed with it.
+            physics: Models of flight and rebounds with which the uncertainty along a predicted path is computed.
         """
         self._physics, self._table = physics, table_items()
         self.goal: ReturnGoal | None = None
@@ -119,8 +126,8 @@ class Scene:
         self.forget()
 
     def forget(self) -> None:
-        """Forget everything that has a time, as before the first message."""
-        self._lag, self._latest = 0.0, -np.inf  # s: arrival minus stamp; newest arrival
+        """Forget everything that has a lifetime, as before the first message. Robot, joint state and goal stay."""
+        self._lag, self._latest = 0.0, -np.inf  # s, arrival minus stamp; s, newest arrival
         self._states = deque[BallState](maxlen=STATES)
         self._true: Timed[BallState] | None = None
         self._trail = deque[BallState](maxlen=TRAIL_POINTS)
@@ -130,19 +137,25 @@ class Scene:
         self._landing: Timed[Array] | None = None
 
     def take_robot(self, robot: RobotShapes) -> None:
-        """Take another arm."""
+        """Show another arm, at its neutral posture until joint states arrive. robot: its shapes."""
         self.robot, self.joints = robot, Joints()
         self._arm = robot.items({})
 
     def take_joints(self, stamp: float, joints: Joints, now: float) -> None:
-        """Take joint states, stamped in s."""
+        """Show the arm at a joint state.
+
+        Args:
+            stamp: Stamp of the joint state, s.
+            joints: The joint state.
+            now: Time of arrival, s.
+        """
         self._follow(stamp, now, is_frequent=True)
         if joints.positions != self.joints.positions:
             self._arm = self.robot.items(joints.positions)
         self.joints = joints
 
     def take_true_ball(self, state: BallState, now: float) -> None:
-        """Take the true ball of a simulator."""
+        """Show the true ball, as the simulator publishes it, with a trail of its last TRAIL s."""
         self._follow(state.time, now, is_frequent=True)
         if self._trail and not 0.0 <= state.time - self._trail[-1].time < BALL_LIFETIME:
             self._trail.clear()  # another ball
@@ -152,34 +165,40 @@ class Scene:
         self._true = Timed(state, now + BALL_LIFETIME)
 
     def take_estimate(self, state: BallState, now: float) -> None:
-        """Take a ball as it was measured, or as the tracker has it."""
+        """Keep a measured or tracked state of the ball; its covariance is used for the path that is predicted from it."""
         self._follow(state.time, now)
         self._states.append(state)
 
     def take_path(self, path: BallPath, now: float) -> None:
-        """Take a predicted path."""
+        """Show a predicted path of the ball, with its bounces and, if the covariance at its start is known, its uncertainty."""
         self._follow(path.times[0], now)
         self._path = Timed(path, path.times[-1] + self._lag + PATH_LIFETIME)
         self._path_items = [line("path/ahead", CYAN, path.positions, 0.006), *self._uncertainty(path)]
         self._path_items += [ball(f"path/bounce{i}", CYAN, 0.012, bounce.position) for i, bounce in enumerate(path.bounces)]
 
     def take_strokes(self, rackets: Sequence[RacketState], stamp: float, now: float) -> None:
-        """Take candidate strokes, best first, that rest on a frame of `stamp` (s)."""
+        """Show candidate strokes: rackets at the time at which they return the ball.
+
+        Args:
+            rackets: The candidates, the best first.
+            stamp: Time of the camera frame from which they were computed, s.
+            now: Time of arrival, s.
+        """
         self._follow(stamp, now)
         shown = [item for i, racket in enumerate(rackets[:STROKES]) for item in _stroke(i, racket)]
         until = max((racket.time for racket in rackets), default=stamp)
         self._strokes = Timed(shown, until + self._lag + PATH_LIFETIME)
 
     def take_goal(self, goal: ReturnGoal) -> None:
-        """Take what is asked of the return. It holds until the next one."""
+        """Show the landing place of a goal of the return, until the next goal."""
         self.goal = goal
 
     def take_landing(self, place: Array, now: float) -> None:
-        """Take where the returned ball landed, (3,) m."""
+        """Show where the returned ball landed. place: (3,) m in the frame `table`."""
         self._landing = Timed(np.array(place), now + LANDING_LIFETIME)
 
     def items(self, now: float) -> list[Item]:
-        """Return all that is to be drawn at `now` (s)."""
+        """Return the items that are to be drawn at the time `now` (s, by the clock of the arrivals)."""
         if now < self._latest - SAME_CLOCK:  # the clock has been set back: a bag begins again
             self.forget()
         found = [*self._table, *self._arm]
@@ -198,13 +217,19 @@ class Scene:
         return found
 
     def _follow(self, stamp: float, now: float, *, is_frequent: bool = False) -> None:
-        """Learn how much later than their stamps messages arrive, from those that come all the time if there are any."""
+        """Update the difference between arrival and stamp (s).
+
+        Messages of frequent topics always update it; the others only if it is off by more than SAME_CLOCK.
+        """
         self._latest = now
         if is_frequent or abs(now - stamp - self._lag) > SAME_CLOCK:
             self._lag = now - stamp
 
     def _estimated(self, path: BallPath, time: float) -> list[Item]:
-        """Return the estimated ball at `time` (s, of the stamps) and its way since the measurement; nothing outside the path."""
+        """Return the items of the estimated ball at `time` (s, by the clock of the stamps) and of its way since the start of the path.
+
+        The list is empty if the path does not reach to this time.
+        """
         if not path.times[0] <= time <= path.times[-1]:
             return []
         state = path.at(time)
@@ -212,21 +237,21 @@ class Scene:
         return [*_spinning("estimated_ball", CYAN, state), line("estimated_ball/trail", CYAN, past, 0.012)]
 
     def _uncertainty(self, path: BallPath) -> list[Item]:
-        """Return ellipsoids along a path; nothing if the covariance of the ball that it starts with is not known."""
+        """Return ellipsoids of the position's uncertainty along a path; an empty list if the covariance at its start is not known."""
         start = next((state for state in reversed(self._states) if abs(state.time - path.times[0]) <= MATCH), None)
         if start is None or start.covariance is None:
             return []
         times = np.linspace(path.times[0], path.times[-1], SAMPLES + 1)[1:]
         try:
             places = covariances(start, self._physics, times)[:, :3, :3]
-        except TtError:  # a covariance with which no ball flies: the path is drawn without it
+        except TtError:  # the covariance cannot be used: the path is drawn without it
             return []
         rows = zip(itertools.count(), times, places, strict=False)
         return [ellipsoid(f"path/uncertainty{i}", PALE, path.at(time).position, place, SIGMAS) for i, time, place in rows]
 
 
 def _spinning(name: str, colour: Colour, state: BallState) -> list[Item]:
-    """Return a ball, and an arrow along its spin."""
+    """Return the items of a ball and of an arrow along its spin, which is left out below 1 rad/s."""
     found = [ball(f"{name}/ball", colour, BALL_RADIUS, state.position)]
     if np.linalg.norm(state.spin) > 1.0:
         found.append(arrow(f"{name}/spin", colour, state.position, state.position + SPIN_LENGTH * state.spin, 0.012))
@@ -234,7 +259,10 @@ def _spinning(name: str, colour: Colour, state: BallState) -> list[Item]:
 
 
 def _stroke(index: int, racket: RacketState) -> list[Item]:
-    """Return a candidate stroke: the racket at the strike, and for the best one its velocity (0.1 s of it)."""
+    """Return the items of a candidate stroke: the racket at the strike and, for the best one (index 0), an arrow of its velocity.
+
+    The arrow is as long as the way of the racket in 0.1 s.
+    """
     colour = FAINT if index else GREEN
     found = [disc(f"strokes/{index}", colour, RACKET_RADIUS, 0.006, racket.position, racket.rotation)]
     if not index and np.linalg.norm(racket.velocity) > 0.01:

@@ -1,4 +1,4 @@
-"""The subscriptions that fill a scene, for every node that shows one."""
+"""Subscriptions that keep a scene up to date, for the nodes that show one."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from tt_core.ros.refusals import Refusals
 from .robot_shapes import RobotShapes
 from .scene import Joints, Scene, warm
 
-# bytes of a message at most
+# bytes, largest message of each kind that is read
 LARGEST_STATE, LARGEST_PATH, LARGEST_STROKES, LARGEST_JOINTS, LARGEST_GOAL, LARGEST_URDF = 4096, 2**19, 2**15, 2**16, 4096, 2**22
 
 
 class SceneInputs:
-    """Keeps a scene up to date.
+    """Subscribes to the robot's topics and keeps a scene up to date with them.
 
     Attributes:
-        scene: What is known.
-        refused: Takes the error of every message that cannot be read.
+        scene: The scene: what is known of table, arm and ball.
+        refused: Called with the error of each message that cannot be used.
     """
 
     def __init__(self, node: Node, physics: Physics, status: Status, interval: float) -> None:
-        """Subscribe. Until robot_description arrives, the arm is the PA10.
+        """Subscribe to the topics. Until a robot_description arrives, the arm is the PA10.
 
         Args:
             node: The node that shows the scene.
-            physics: With which paths are predicted.
-            status: Where refused messages are published.
-            interval: s between two joint states that are read.
+            physics: Models of flight and rebounds with which the paths are predicted.
+            status: Diagnostics of the node, on which refused messages are reported.
+            interval: Shortest time between two joint states that are read, s.
         """
         self._node, self._urdf = node, ArmModel.pa10().placed_description
         self.scene = Scene(RobotShapes(self._urdf), physics)
@@ -61,11 +61,11 @@ class SceneInputs:
         Input(node, trajectory, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=refused)
 
     def now(self) -> float:
-        """Return the time of the node, s."""
+        """Return the present time of the node's clock, s."""
         return float(self._node.get_clock().now().nanoseconds * 1e-9)
 
     def on_description(self, message: String) -> None:
-        """Show another arm."""
+        """Show the arm of a URDF (topic robot_description), unless it is shown already."""
         if message.data == self._urdf:
             return
         try:
@@ -75,7 +75,7 @@ class SceneInputs:
             self.refused(error)
 
     def on_joints(self, message: JointState) -> None:
-        """Move the arm."""
+        """Show the arm at the joint positions of a joint state."""
         names = [name for name in self.scene.robot.speed_limits if name in message.name]
         try:
             state = joints_from_message(message, names) if names else None
@@ -88,28 +88,28 @@ class SceneInputs:
             self.refused(error)
 
     def on_estimate(self, message: Odometry) -> None:
-        """Keep a measured or tracked ball."""
+        """Keep a measured (ball/measured) or tracked (ball/state) ball, whose covariance is shown along the path predicted from it."""
         try:
             self.scene.take_estimate(ball_from_message(message), self.now())
         except TtError as error:
             self.refused(error)
 
     def on_path(self, message: MultiDOFJointTrajectory) -> None:
-        """Show a predicted path."""
+        """Show a predicted path of the ball."""
         try:
             self.scene.take_path(path_from_message(message), self.now())
         except TtError as error:
             self.refused(error)
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
-        """Show candidate strokes."""
+        """Show the candidate strokes: rackets at the time at which they return the ball."""
         try:
             self.scene.take_strokes(strokes_from_message(message), stamp_seconds(message.header.stamp), self.now())
         except TtError as error:
             self.refused(error)
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
-        """Show the landing that is asked for."""
+        """Show the landing place of a goal of the return."""
         try:
             self.scene.take_goal(goal_from_message(message))
         except TtError as error:

@@ -1,4 +1,4 @@
-"""Items drawn by viser: what has changed is sent to the browsers, and what is gone is removed."""
+"""Draw items (simple shapes) with viser. Only changes are sent to the browsers."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class ViserScene:
     """The 3D scene of a viser server.
 
     Attributes:
-        missing: Meshes that could not be loaded; they are not drawn.
+        missing: Places of meshes that could not be loaded, as in the URDF. They are not drawn.
     """
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Begin with an empty scene."""
         self._scene = scene
-        self._drawn: dict[str, tuple[Item, Any]] = {}  # item and handle by name
+        self._drawn: dict[str, tuple[Item, Any]] = {}  # drawn items with their viser handles, by name
         self.missing: set[str] = set()
 
     def draw(self, items: Sequence[Item]) -> None:
@@ -77,18 +77,18 @@ class ViserScene:
         return self._scene.add_mesh_simple(name, _float32(mesh.vertices * size), np.array(mesh.faces), **style)
 
     def _mesh(self, place: str) -> trimesh.Trimesh | None:
-        """Load a mesh once for each time it is added; None if that fails, for whatever reason its loader has."""
+        """Load a mesh. Return None, and add it to `missing`, if that fails for any reason."""
         if place in self.missing:
             return None
         try:
             return trimesh.load(mesh_file(place), force="mesh")  # type: ignore[return-value]
-        except Exception:  # loaders of broken files raise anything
+        except Exception:  # the loaders raise all kinds of errors for broken files
             self.missing.add(place)
             return None
 
 
 def mesh_file(place: str) -> Path:
-    """Return the file of a mesh that a URDF names: a path, file:// or package://. Raises PackageNotFoundError."""
+    """Return the file of a mesh that a URDF names by a path, file:// or package://. Raises PackageNotFoundError if there is no package."""
     url = urlparse(place)
     if url.scheme == "package":
         return Path(get_package_share_directory(url.netloc)) / unquote(url.path).lstrip("/")
@@ -96,12 +96,12 @@ def mesh_file(place: str) -> Path:
 
 
 def _is_same_form(a: Item, b: Item) -> bool:
-    """Tell whether two items differ in their place only."""
+    """Return whether two items differ in nothing but name, position, rotation and points."""
     return a.shape is b.shape and a.colour == b.colour and a.mesh == b.mesh and np.array_equal(a.size, b.size)
 
 
 def _move(handle: Any, item: Item) -> None:
-    """Bring an item that is drawn to another place."""
+    """Move a drawn item to the place of an item of the same form."""
     if item.shape is Shape.LINE:
         handle.points = _segments(item.points)
     elif item.shape is Shape.ARROW:

@@ -1,4 +1,4 @@
-"""ros2 bag: record, play, info, reindex, compress."""
+"""The command `ros2 bag`: record, play, info, reindex, compress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .arguments import Verbs, complete, count, group, known, not_negative, posit
 
 
 def record(args: Namespace) -> None:
-    """Replace this process by the recorder."""
+    """Run `ros2 bag record`: replace this process by the node `record_node`, with the options as its parameters."""
     topics = [*args.topics, *args.more_topics]
     if not (topics or args.all or args.regex):
         raise TtError("Need to specify at least one option out of --all, --topics or --regex")
@@ -39,7 +39,7 @@ def record(args: Namespace) -> None:
 
 
 def play(args: Namespace) -> None:
-    """Publish what a bag holds."""
+    """Run `ros2 bag play`: publish the messages of a bag."""
     from ..play_node import PlayParams, play
 
     topics, bag = tuple(args.topics), args.input or args.bag
@@ -63,7 +63,7 @@ def play(args: Namespace) -> None:
 
 
 def info(args: Namespace) -> None:
-    """Print what a bag holds."""
+    """Run `ros2 bag info`: print the content of a bag."""
     from ..describe import describe, lines
 
     found = describe(args.bag, sizes=args.verbose)
@@ -71,21 +71,21 @@ def info(args: Namespace) -> None:
 
 
 def reindex(args: Namespace) -> None:
-    """Make a bag readable whose recorder was killed."""
+    """Run `ros2 bag reindex`: make a bag readable whose recorder was killed."""
     from ..reindex import reindex
 
     print(reindex(args.bag))
 
 
 def compress(args: Namespace) -> None:
-    """Rewrite a bag with another compression."""
+    """Run `ros2 bag compress`: rewrite a bag with another compression."""
     from ..reindex import compress
 
     compress(args.bag, args.format)
 
 
 def add(words: Verbs) -> None:
-    """Add the word and its verbs."""
+    """Add the command `ros2 bag` and its verbs to `words`, the subcommands of the `ros2` parser."""
     verbs = group(words, "bag", "record topics and play them back")
     one = verb(verbs, "record", record, "record topics")
     complete(one.add_argument("topics", nargs="*"), known("topics"))

@@ -1,4 +1,4 @@
-"""ros2 interface: show, list, package, proto."""
+"""The command `ros2 interface`: show, list, package, proto."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def _known(_: Namespace) -> list[str]:
 
 
 def show(args: Namespace) -> None:
-    """Print the definition of a type."""
+    """Run `ros2 interface show`: print the definition of a message, service or action type."""
     from ..interface_text import definition
 
     name = sys.stdin.readline().strip() if args.type == "-" else args.type
@@ -22,7 +22,7 @@ def show(args: Namespace) -> None:
 
 
 def show_list(args: Namespace) -> None:
-    """Print the names of all types."""
+    """Run `ros2 interface list`: print the names of all installed message, service and action types."""
     wanted = [args.only_msgs, args.only_srvs, args.only_actions]
     for kind, title, chosen in zip(packages.KINDS, ("Messages", "Services", "Actions"), wanted, strict=True):
         if chosen or not any(wanted):
@@ -32,7 +32,7 @@ def show_list(args: Namespace) -> None:
 
 
 def package(args: Namespace) -> None:
-    """Print the types of a package."""
+    """Run `ros2 interface package`: print the names of the types of a package."""
     packages.prefix(args.package_name)
     for name in _known(args):
         if name.startswith(f"{args.package_name}/"):
@@ -40,7 +40,7 @@ def package(args: Namespace) -> None:
 
 
 def proto(args: Namespace) -> None:
-    """Print the default values of a type, for ros2 topic pub and ros2 service call."""
+    """Run `ros2 interface proto`: print the default values of a type as YAML, for use in ros2 topic pub and ros2 service call."""
     from ..message_text import to_yaml
 
     made = packages.interface(args.type)
@@ -49,7 +49,7 @@ def proto(args: Namespace) -> None:
 
 
 def add(words: Verbs) -> None:
-    """Add the word and its verbs."""
+    """Add the command `ros2 interface` and its verbs to `words`, the subcommands of the `ros2` parser."""
     verbs = group(words, "interface", "look at message, service and action types")
     one = verb(verbs, "show", show, "print the definition of a type")
     complete(one.add_argument("type", help="e.g. nav_msgs/msg/Odometry; - reads it from standard input"), _known)

@@ -1,4 +1,4 @@
-"""ros2 launch: start the processes of a launch file."""
+"""The command `ros2 launch`: start the processes of a launch file."""
 
 from __future__ import annotations
 
@@ -14,9 +14,15 @@ from .arguments import Verbs, complete, verb
 
 
 def start(args: Namespace) -> int:
-    """Start the processes of a launch file, or print what it is.
+    """Run `ros2 launch`: start the processes of a launch file and wait for their end, or print its arguments or processes.
 
-    The words are a path alone, or a package and the name of one of its launch files; NAME:=VALUE may stand after either.
+    The launch file is given by its path, or by a package and the name of one of its launch files. Arguments NAME:=VALUE may follow.
+
+    Returns:
+        Exit code: 1 if a process failed, otherwise 0.
+
+    Raises:
+        TtError: The command line is malformed, or the launch file does not exist.
     """
     words = [word for word in [args.package_name, *args.rest] if ":=" not in word]
     given = [word for word in args.rest if ":=" in word]
@@ -41,7 +47,7 @@ def start(args: Namespace) -> int:
 
 
 def print_arguments(path: Path) -> None:
-    """Print the arguments of a launch file, in the form of ros2cli."""
+    """Print the arguments of a launch file with their descriptions and defaults, in the format of ros2cli."""
     print("Arguments (pass arguments as '<name>:=<value>'):")
     found = launch.arguments(path)
     for argument in found:
@@ -53,7 +59,7 @@ def print_arguments(path: Path) -> None:
 
 
 def add(words: Verbs) -> None:
-    """Add the word."""
+    """Add the command `ros2 launch` to `words`, the subcommands of the `ros2` parser."""
     one = verb(words, "launch", start, "start the processes of a launch file")
     one.add_argument("-p", "--print-description", action="store_true", help="print the processes with their commands, and end")
     one.add_argument("-s", "--show-args", "--show-arguments", action="store_true", help="print the file's arguments, and end")
@@ -64,7 +70,7 @@ def add(words: Verbs) -> None:
 
 
 def _complete(args: Namespace) -> list[str]:
-    """Return the launch files of the package, or the arguments of the file if there is one already."""
+    """Return completions: the launch files of the package, or the arguments of the launch file if it is given already."""
     if not args.rest:
         return list(packages.launch_files(args.package_name))
     return [f"{argument.name}:=" for argument in launch.arguments(packages.launch_file(args.package_name, args.rest[0]))]

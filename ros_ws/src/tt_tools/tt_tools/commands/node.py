@@ -1,4 +1,4 @@
-"""ros2 node: list, info."""
+"""The command `ros2 node`: list, info."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def show_list(args: Namespace) -> None:
-    """Print the names of all nodes."""
+    """Run `ros2 node list`: print the names of all nodes."""
     from ..graph import graph, nodes
 
     with graph(args.spin_time) as node:
@@ -29,7 +29,7 @@ def show_list(args: Namespace) -> None:
 
 
 def info(args: Namespace) -> None:
-    """Print what a node subscribes to, publishes, serves and calls."""
+    """Run `ros2 node info`: print the topics, services and actions that a node uses and offers."""
     from ..graph import appears, graph, nodes
 
     with graph(args.spin_time) as node:
@@ -62,7 +62,7 @@ def _print_info(node: Node, name: str, namespace: str, *, hidden: bool) -> None:
 
 
 def add(words: Verbs) -> None:
-    """Add the word and its verbs."""
+    """Add the command `ros2 node` and its verbs to `words`, the subcommands of the `ros2` parser."""
     verbs = group(words, "node", "look at nodes")
     one = verb(verbs, "list", show_list, "name the nodes")
     one.add_argument("-a", "--all", action="store_true", help="those that begin with _, too")

@@ -1,4 +1,4 @@
-"""ros2 param: list, get, set, describe, dump, load."""
+"""The command `ros2 param`: list, get, set, describe, dump, load."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ from .arguments import Verbs, add_discovery, add_node, complete, group, verb
 
 
 def show_list(args: Namespace) -> None:
-    """Print the names of parameters."""
+    """Run `ros2 param list`: print the names of the parameters of one node or of all nodes."""
     from ..parameter_client import print_names
 
     print_names(args.node_name, tuple(args.param_prefixes), hidden=args.include_hidden_nodes, types=args.param_type)
 
 
 def get(args: Namespace) -> None:
-    """Print the value of a parameter."""
+    """Run `ros2 param get`: print the value of a parameter."""
     from ..parameter_client import show
 
     show(args.node_name, args.parameter_name, hide_type=args.hide_type)
 
 
 def set_value(args: Namespace) -> None:
-    """Set a parameter."""
+    """Run `ros2 param set`: set a parameter of a running node."""
     from ..parameter_client import set_value
 
     set_value(args.node_name, args.parameter_name, args.value)
 
 
 def describe(args: Namespace) -> None:
-    """Print what a node tells about parameters."""
+    """Run `ros2 param describe`: print type, description and constraints of parameters."""
     from ..parameter_client import describe
 
     describe(args.node_name, args.parameter_names)
 
 
 def dump(args: Namespace) -> None:
-    """Print the parameters of a node as a file."""
+    """Run `ros2 param dump`: print all parameters of a node as a parameter file."""
     from ..parameter_client import dump
 
     print(dump(args.node_name), end="")
 
 
 def load(args: Namespace) -> None:
-    """Set the parameters of a file."""
+    """Run `ros2 param load`: set the parameters of a parameter file on a running node."""
     from ..parameter_client import load
 
     load(args.node_name, args.parameter_file)
@@ -61,7 +61,7 @@ def _add_parameter(parser: ArgumentParser, name: str = "parameter_name", nargs: 
 
 
 def add(words: Verbs) -> None:
-    """Add the word and its verbs."""
+    """Add the command `ros2 param` and its verbs to `words`, the subcommands of the `ros2` parser."""
     verbs = group(words, "param", "look at and set parameters of running nodes")
     one = verb(verbs, "list", show_list, "name the parameters of all nodes, or of one")
     add_node(one, nargs="?")

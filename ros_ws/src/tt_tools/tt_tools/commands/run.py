@@ -1,4 +1,4 @@
-"""ros2 run: replace this process by an executable of a package."""
+"""The command `ros2 run`: run an executable of a package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .arguments import Verbs, add_package, complete, verb
 
 
 def run(args: argparse.Namespace) -> None:
-    """Run the executable."""
+    """Run `ros2 run`: replace this process by an executable of a package. Raises TtError if its program is not found."""
     program = packages.executable(args.package_name, args.executable_name)
     command = [*shlex.split(args.prefix), str(program), *args.argv]
     if not (path := shutil.which(command[0])):
@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def add(words: Verbs) -> None:
-    """Add the word."""
+    """Add the command `ros2 run` to `words`, the subcommands of the `ros2` parser."""
     one = verb(words, "run", run, "run an executable of a package")
     one.add_argument("--prefix", default="", metavar="COMMAND", help="command before the executable, e.g. 'gdb -ex run --args'")
     add_package(one)

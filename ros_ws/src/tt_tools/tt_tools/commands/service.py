@@ -1,4 +1,4 @@
-"""ros2 service: list, type, find, call."""
+"""The command `ros2 service`: list, type, find, call."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .arguments import Verbs, add_discovery, add_service, add_type, group, posit
 
 
 def show_list(args: Namespace) -> None:
-    """Print the names of all services."""
+    """Run `ros2 service list`: print the names of all services."""
     from ..graph import graph, services
 
     with graph(args.spin_time) as node:
@@ -21,7 +21,7 @@ def show_list(args: Namespace) -> None:
 
 
 def show_type(args: Namespace) -> int:
-    """Print the type of a service."""
+    """Run `ros2 service type`: print the type of a service. Returns the exit code, 1 if there is no such service."""
     from ..graph import graph, services
 
     with graph(args.spin_time) as node:
@@ -31,7 +31,7 @@ def show_type(args: Namespace) -> int:
 
 
 def find(args: Namespace) -> None:
-    """Print the services of a type."""
+    """Run `ros2 service find`: print the names of the services that have a given type."""
     from ..graph import graph, services
     from ..packages import full_name
 
@@ -41,7 +41,7 @@ def find(args: Namespace) -> None:
 
 
 def call(args: Namespace) -> None:
-    """Call a service and print its response."""
+    """Run `ros2 service call`: call a service, once or at a rate, and print its response."""
     from ..call import call
     from ..packages import full_name
 
@@ -50,7 +50,7 @@ def call(args: Namespace) -> None:
 
 
 def add(words: Verbs) -> None:
-    """Add the word and its verbs."""
+    """Add the command `ros2 service` and its verbs to `words`, the subcommands of the `ros2` parser."""
     verbs = group(words, "service", "look at services, and call them")
     one = verb(verbs, "list", show_list, "name the services")
     one.add_argument("-t", "--show-types", action="store_true", help="with their types")

@@ -1,4 +1,4 @@
-"""ros2 topic: list, info, type, find, echo, hz, bw, delay, pub."""
+"""The command `ros2 topic`: list, info, type, find, echo, hz, bw, delay, pub."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .arguments import (
     verb,
 )
 
-TRUNCATE = 128  # elements of arrays and characters of strings that echo prints, as in ros2cli
-WINDOW, BANDWIDTH_WINDOW = 10000, 100  # messages, as in ros2cli
+TRUNCATE = 128  # elements of an array and characters of a string that `echo` prints unless told otherwise, as in ros2cli
+WINDOW, BANDWIDTH_WINDOW = 10000, 100  # messages over which hz and delay, and bw, average unless told otherwise, as in ros2cli
 
 
 def show_list(args: Namespace) -> None:
-    """Print the names of all topics."""
+    """Run `ros2 topic list`: print the names of all topics."""
     from ..graph import graph, topics
 
     with graph(args.spin_time) as node:
@@ -45,7 +45,7 @@ def show_list(args: Namespace) -> None:
 
 
 def info(args: Namespace) -> None:
-    """Print type and counts of a topic, and all its publishers and subscriptions if `verbose`."""
+    """Run `ros2 topic info`: print the type of a topic and the numbers of its publishers and subscriptions, and all of them if verbose."""
     from ..graph import appears, graph, topics
 
     with graph(args.spin_time) as node:
@@ -64,7 +64,7 @@ def info(args: Namespace) -> None:
 
 
 def show_type(args: Namespace) -> int:
-    """Print the type of a topic."""
+    """Run `ros2 topic type`: print the type of a topic. Returns the exit code, 1 if there is no such topic."""
     from ..graph import graph, topics
 
     with graph(args.spin_time) as node:
@@ -74,7 +74,7 @@ def show_type(args: Namespace) -> int:
 
 
 def find(args: Namespace) -> None:
-    """Print the topics of a type."""
+    """Run `ros2 topic find`: print the names of the topics that have a given type."""
     from ..graph import graph, topics
     from ..packages import full_name
 
@@ -84,7 +84,7 @@ def find(args: Namespace) -> None:
 
 
 def echo(args: Namespace) -> None:
-    """Print the messages of a topic."""
+    """Run `ros2 topic echo`: print the messages of a topic."""
     from ..listen import EchoOptions, echo
     from ..message_text import TextOptions
 
@@ -94,28 +94,28 @@ def echo(args: Namespace) -> None:
 
 
 def hz(args: Namespace) -> None:
-    """Print the rate of a topic."""
+    """Run `ros2 topic hz`: print the rate of a topic every second."""
     from ..listen import print_rate
 
     print_rate(args.topic_name, args.window, args.filter)
 
 
 def bw(args: Namespace) -> None:
-    """Print the bandwidth of a topic."""
+    """Run `ros2 topic bw`: print the bandwidth of a topic every second."""
     from ..listen import print_bandwidth
 
     print_bandwidth(args.topic_name, args.window)
 
 
 def delay(args: Namespace) -> None:
-    """Print the delay of a topic."""
+    """Run `ros2 topic delay`: print every second the time from the stamp of a message to its arrival."""
     from ..listen import print_delay
 
     print_delay(args.topic_name, args.window)
 
 
 def pub(args: Namespace) -> None:
-    """Publish messages on a topic."""
+    """Run `ros2 topic pub`: publish messages on a topic."""
     from ..publish import PubOptions, publish
 
     times = 1 if args.once else args.times
@@ -125,7 +125,7 @@ def pub(args: Namespace) -> None:
 
 
 def add(words: Verbs) -> None:
-    """Add the word and its verbs."""
+    """Add the command `ros2 topic` and its verbs to `words`, the subcommands of the `ros2` parser."""
     verbs = group(words, "topic", "look at topics, and publish on them")
     one = verb(verbs, "list", show_list, "name the topics")
     one.add_argument("-t", "--show-types", action="store_true", help="with their types")
