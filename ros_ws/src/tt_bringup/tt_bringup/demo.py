@@ -50,6 +50,7 @@ BALL = 10.0  # s of simulated time, longest wait from a launch to the end of the
 LONGEST_REST = 3.0  # s of simulated time, longest wait from the end of a ball to the next launch
 SERVICE = 10.0  # s, longest wait for the answer of a service
 ENDING = 30.0  # s, longest wait for `ros2 launch` to end its nodes
+LOG = "log.txt"  # file of --out for the output of the nodes
 PORT = 8080  # port of the live view, if it is free
 NODES = {"record", "sim", "estimate", "predict", "racket", "arm", "markers"}
 LINKS = {  # number of subscribers that each topic must have before the first launch
@@ -284,8 +285,8 @@ def arguments() -> argparse.Namespace:
         parser.error(f"--out {args.out} holds a recording already")
     try:  # an output that cannot be written is an error before the run, not after it
         args.out.mkdir(parents=True, exist_ok=True)
-        if args.json:
-            args.json.touch()
+        for path in (args.out / LOG, *filter(None, [args.json])):
+            path.touch()
     except OSError as error:
         parser.error(f"cannot write: {error}")
     return args
@@ -343,7 +344,7 @@ def main() -> None:
     if args.view:  # only simulated time can be paused
         given |= {"view": "true", "view_port": free_port(), "use_sim_time": "true"}
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    log = (out / "log.txt").open("w", buffering=1)
+    log = (out / LOG).open("w", buffering=1)
     try:
         remove_leftovers()
         refuse_neighbours()
@@ -365,20 +366,20 @@ def main() -> None:
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except TtError as error:
-        print(f"demo: {error}; the output of the nodes is in {out / 'log.txt'}", file=sys.stderr)
+        print(f"demo: {error}; the output of the nodes is in {out / LOG}", file=sys.stderr)
         raise SystemExit(1) from error
     print(summary(scores))
     bag, report = args.out / "bag", args.out / "report.html"
     try:
+        if args.json:
+            args.json.write_text(json.dumps({"balls": [s.as_dict() for s in scores], "bag": str(bag)}, indent=1) + "\n")
         write_report(bag, report)
     except (TtError, OSError) as error:
-        print(f"demo: no page: {error}", file=sys.stderr)
+        print(f"demo: not written: {error}", file=sys.stderr)
         raise SystemExit(1) from error
     print(f"recorded: {bag}\nfigures:  {report}")
-    if args.json:
-        args.json.write_text(json.dumps({"balls": [s.as_dict() for s in scores], "bag": str(bag)}, indent=1) + "\n")
     if running.returncode:
-        print(f"demo: the nodes ended with exit code {running.returncode}; see {out / 'log.txt'}", file=sys.stderr)
+        print(f"demo: the nodes ended with exit code {running.returncode}; see {out / LOG}", file=sys.stderr)
         raise SystemExit(1)
 
 

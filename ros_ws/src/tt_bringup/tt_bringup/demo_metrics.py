@@ -139,17 +139,15 @@ def demo_metrics(
     )
 
 
-COLUMNS = (  # two lines of heading, and width in characters
+COLUMNS = (  # two lines of heading, and width in characters; 80 with the gaps between them
     ("ball", "", 7),
-    ("speed, m/s", "true meas.", 10),
     ("spin, rpm", "true meas.", 10),
     ("off", "rpm", 3),
-    ("hit at x, y, z", "m", 16),
+    ("hit", "mm", 4),
+    ("landing", "x, y, m", 9),
     ("off", "mm", 4),
-    ("landing x, y", "m", 12),
-    ("off", "mm", 4),
-    ("flight time, s", "asked got", 14),
-    ("spin y, z, rad/s", "asked got", 17),
+    ("time", "ms", 4),
+    ("spin y, z, rad/s", "asked got", 16),
     ("latency", "ms", 7),
 )
 HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS) for row in (0, 1))
@@ -158,7 +156,7 @@ HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS
 def line(s: DemoMetrics) -> str:
     """Return the metrics of one ball as a line of text whose columns fit HEADER.
 
-    A cell is blank if its value is None. The reason why the ball was not returned, if there is one, follows the last column.
+    A cell is blank if its value is None. The reason why the ball was not returned, if there is one, is a second line.
 
     Args:
         s: Metrics of the ball.
@@ -175,19 +173,16 @@ def line(s: DemoMetrics) -> str:
 
     off = None if s.landing_reached is None else float(np.hypot(*np.subtract(s.landing_reached, s.landing_asked)))
     rpm = [None if v is None else float(np.linalg.norm(v)) / RPM for v in (s.spin_true, s.spin_measured)]
-    reached = None if s.time_error_s is None else s.flight_time_asked + s.time_error_s
     cells = (
         s.kind,
-        pair(number(s.speed_true, ".2f"), number(s.speed_measured, ".2f")),
         pair(number(rpm[0], ".0f"), number(rpm[1], ".0f")),
         number(s.spin_error_rpm, ".0f"),
-        places(s.hit_place, ".2f"),
         number(s.hit_error_m, ".1f", 1e3),
-        places(s.landing_reached, ".3f"),
+        places(s.landing_reached, ".2f"),
         number(off, ".0f", 1e3),
-        pair(f"{s.flight_time_asked:.3f}", number(reached, ".3f")),
+        number(s.time_error_s, ".0f", 1e3),
         pair(places(s.return_spin_asked, ".0f", ","), places(s.return_spin_reached, ".0f", ",")),
         number(s.latency_ms, ".0f"),
     )
     row = "  ".join(f"{cell:^{column[2]}}" for cell, column in zip(cells, COLUMNS, strict=True))
-    return row if s.reason is None else f"{row}  {s.reason}"
+    return row if s.reason is None else f"{row}\n{'':9}not returned: {s.reason}"

@@ -37,6 +37,8 @@ def start(module: str) -> None:
     The executables start Python with SIGINT blocked (`env --block-signal=INT`), because an interpreter that starts or imports answers it
     with a traceback, with exit code 1, or not at all. It takes effect here.
 
+    A file or folder that cannot be read or written (OSError) ends the process with one line and exit code 2.
+
     Args:
         module: Name of a module with a function `main`.
     """
@@ -46,7 +48,12 @@ def start(module: str) -> None:
     if module.endswith("_node") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         print_help(module)
         return
-    sys.exit(importlib.import_module(module).main())
+    main = importlib.import_module(module).main
+    try:
+        sys.exit(main())
+    except OSError as error:
+        print(": ".join(str(part) for part in (error.filename, error.strerror or error) if part), file=sys.stderr)
+        sys.exit(2)
 
 
 if __name__ == "__main__":
