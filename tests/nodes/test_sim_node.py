@@ -8,6 +8,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -65,6 +67,27 @@ def test_at_a_rate_it_launches_by_itself(start, probe, until):
     # s; whole ticks of 2 ms
     assert np.min(np.diff(launched)) == pytest.approx(60 / 94, abs=0.004)
     assert [int(values["number"]) for values in over()] == list(range(int(over()[0]["number"]), int(over()[0]["number"]) + len(over())))
+
+
+def test_a_ball_on_request_after_a_rate_is_the_one_that_is_asked_for(start, probe, until):
+    """What was rendered ahead at the rate is dropped with it."""
+    start("tt_sim.sim_node", "--ros-args", "-p", "shots:=['top 3']", "-p", "launcher.rate:=60.0")
+    statuses = []
+    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
+    launcher, setter = probe.create_client(Trigger, "/launcher/launch"), probe.create_client(SetParameters, "/sim/set_parameters")
+
+    def shots():
+        return [t.values["shot"] for m in statuses for t in read_status(m) if t.event is Event.BALL_OVER]
+
+    until(lambda: launcher.service_is_ready() and setter.service_is_ready() and shots(), probe)
+    values = (("shots", ["back 3"]), ("launcher.rate", 0.0))
+    changed = setter.call_async(SetParameters.Request(parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in values]))
+    until(changed.done, probe)
+    assert all(result.successful for result in changed.result().results)
+    asked = launcher.call_async(Trigger.Request())
+    until(lambda: asked.done() and "back 3" in shots(), probe)
+    assert asked.result().success and shots().count("back 3") == 1
+    assert shots()[-1] == "back 3" and len(shots()) <= 4  # those that flew when the rate was changed, MOST_FLYING at most, come first
 
 
 def test_cameras_of_a_world_lose_and_stamp_frames_as_it_says(start, probe, until, tmp_path):

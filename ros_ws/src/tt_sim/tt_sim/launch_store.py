@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -39,7 +40,7 @@ class ReadyLaunch:
     """A launch whose images are ready.
 
     Attributes:
-        number: Counts launches from 1.
+        number: Counts the launches that have flown from 1; 0 before this one flies.
         shot: Kind and scale, e.g. "top 3".
         ball: At the launch, time 0.
         physics: Of this ball.
@@ -74,30 +75,38 @@ class LaunchStore:
         self.shots, self.ready, self.last_image = shots, deque[ReadyLaunch](), float("-inf")
         self._renderer, self._repeat, self._prepare = renderer, repeat, prepare
         self._worker = RenderWorker(renderer)
-        self._launched = 0
+        self._rendered, self._version = 0, 0  # _version: increased by `discard`
+        self._worker_lock = threading.Lock()  # two threads render: ahead, and on request
 
     @property
     def next_shot(self) -> tuple[str, int]:
         """Kind and scale of the launch that is rendered next."""
-        number = self._launched % self._repeat if self._repeat else self._launched
+        number = self._rendered % self._repeat if self._repeat else self._rendered
         return self.shots[number % len(self.shots)]
 
     def render(self) -> None:
-        """Render the next launch, and wait for it.
+        """Render the next launch, and wait for it. It is dropped if `discard` is called meanwhile.
 
         Raises:
             EOFError: The process that renders has ended, though the store was not closed.
         """
-        if self._repeat and self._launched and self._launched % self._repeat == 0:
-            self._worker.close()
-            self._worker = RenderWorker(self._renderer)
-        kind, scale = self.next_shot
-        self._launched += 1
-        launch = self._worker.render(kind, scale)
-        if launch is None:
+        version = self._version
+        with self._worker_lock:
+            if self._repeat and self._rendered and self._rendered % self._repeat == 0:
+                self._worker.close()
+                self._worker = RenderWorker(self._renderer)
+            kind, scale = self.next_shot
+            self._rendered += 1
+            launch = self._worker.render(kind, scale)
+        if launch is None or version != self._version:
             return
         images = deque(ReadyImage(image.due, image.stamp, image.side, self._prepare(image)) for image in launch.images)
-        self.ready.append(ReadyLaunch(self._launched, f"{kind} {scale}", launch.ball, launch.physics, images))
+        self.ready.append(ReadyLaunch(0, f"{kind} {scale}", launch.ball, launch.physics, images))
+
+    def discard(self) -> None:
+        """Drop what was rendered ahead, so that a change of the shots or of the rate holds from the next launch on."""
+        self._version += 1
+        self.ready.clear()
 
     def keep_full(self, is_running: Callable[[], bool], is_wanted: Callable[[], bool], render: Callable[[], None]) -> None:
         """Render ahead for as long as the simulator runs.

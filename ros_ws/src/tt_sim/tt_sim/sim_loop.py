@@ -145,6 +145,7 @@ class SimLoop:
         self._frames = FrameSchedule(self._dark, start)
         self._record, self._record_reported = ArmRecord(model, self._robot.joints), -np.inf
         self._flying, self._launch_time = dict[float, ReadyLaunch](), -np.inf  # by the time of launch
+        self._numbers = count(1)  # of the launches
         self._is_braking, self._drive_reported = True, -np.inf
         self._clock_due = start
 
@@ -161,13 +162,15 @@ class SimLoop:
 
     def _launch(self, now: float) -> None:
         """Launch the next ball if it is ready, its time has come and there is room in the air."""
-        if not self._launches.ready:
-            return
         rate = self.rate
         period, most = (60.0 / rate, MOST_FLYING) if rate else (0.0, 1)
         if now + self._params.lead < self._launch_time + period or len(self._flying) >= most:
             return
-        launch, self._launch_time = self._launches.ready.popleft(), now + self._params.lead
+        try:
+            launch = self._launches.ready.popleft()
+        except IndexError:
+            return
+        launch.number, self._launch_time = next(self._numbers), now + self._params.lead
         self._flying[self._launch_time] = launch
         self._frames.show(launch, self._launch_time)
         ball = BallState.from_vector(self._launch_time, launch.ball.vector)

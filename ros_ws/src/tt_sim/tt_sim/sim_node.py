@@ -160,13 +160,22 @@ class SimNode(Node):
         self.true_racket = self.create_publisher(Odometry, "sim/racket", TRUTH)
 
     def on_params(self, params: SimParams) -> None:
-        """Launch other shots from now on, what is rendered already comes first; use another length of a step."""
+        """Launch other shots from now on; use another length of a step."""
+        if params.all_shots != self.params.all_shots:
+            self.launches.shots = params.all_shots
+            self.discard_launches()
         self.params = params
-        self.launches.shots = params.all_shots
 
     def on_launcher(self, launcher: LauncherParams) -> None:
         """Launch at another rate from now on."""
         self.loop.rate = launcher.rate
+        if not launcher.rate:
+            self.discard_launches()
+
+    def discard_launches(self) -> None:
+        """Drop what was rendered ahead at a rate, but not a launch on request."""
+        if not self.busy.is_set():
+            self.launches.discard()
 
     def on_command(self, message: Float64MultiArray) -> None:
         """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
