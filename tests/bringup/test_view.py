@@ -11,9 +11,10 @@ from tt_arm.model import ArmModel
 from tt_bringup.view.gate import Answer, Request, judge
 from tt_bringup.view.items import Shape, ellipsoid
 from tt_bringup.view.page import clicked_place, side_by_side
-from tt_bringup.view.readings import Health, Readings, landing_place
+from tt_bringup.view.readings import Health, Readings
 from tt_bringup.view.robot_shapes import RobotShapes
 from tt_bringup.view.scene import Joints, Scene
+from tt_bringup.view.scene_inputs import landing_place
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import TtError
 from tt_core.physics import Physics

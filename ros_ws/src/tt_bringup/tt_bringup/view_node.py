@@ -39,14 +39,14 @@ from tt_core.ros.qos import LATCHED, NEWEST, RELIABLE, SENSOR
 from .view.actions import Action, Enable, Launch, Pause, SetGoal, SetRate, Step, Stop
 from .view.gate import Gate, is_loopback
 from .view.page import Page
-from .view.readings import Health, Readings, landing_place
-from .view.scene_inputs import SceneInputs
+from .view.readings import Health, Readings
+from .view.scene_inputs import LARGEST_DIAGNOSTICS, SceneInputs
 
 NICE = 10  # priority of the process: the robot comes first
 SIDES = ("left", "right")
 PANELS = 6  # the panels are updated once in so many updates of the scene
 IMAGES = 0.01  # s, shortest time between two images of a camera that are read
-LARGEST_IMAGE, LARGEST_STATE, LARGEST_DIAGNOSTICS = 2**26, 4096, 2**18  # bytes, largest message of each kind that is read
+LARGEST_IMAGE, LARGEST_STATE = 2**26, 4096  # bytes, largest message of each kind that is read
 STAGES = (Event.FIRST_ESTIMATE, Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # latencies that are shown
 
 
@@ -96,7 +96,7 @@ class ViewNode(Node):
         self.get_logger().info(f"http://{host}:{self.gate.port}/" + (f"?token={token}" if token else ""))
 
     def subscribe(self, interval: float) -> None:
-        """Subscribe to what SceneInputs does not: the true ball of a simulator, diagnostics and camera images.
+        """Subscribe to the true ball of a simulator, and to what the panels show: diagnostics and camera images.
 
         Args:
             interval: Shortest time between two true balls that are read, s.
@@ -124,14 +124,12 @@ class ViewNode(Node):
             self.inputs.refused(error)
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep the statuses and latencies for the panels, and give the place where a ball landed to the scene."""
+        """Keep the statuses and latencies for the panels."""
         now = self.inputs.now()
         self.readings.take_health(Health(now, s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
         for status in read_status(message):
             if status.event in STAGES and "latency_ms" in status.values:
                 self.readings.take_latency(status.event.value, float(status.values["latency_ms"]))
-            elif status.event is Event.BALL_OVER and (place := landing_place(status.values)) is not None:
-                self.inputs.scene.take_landing(place, now)
 
     def on_timer(self) -> None:
         """Carry out the actions that users have asked for, and update the page if somebody has it open."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 from collections import deque
 from collections.abc import Iterable
@@ -10,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from tt_core.arrays import Array
 
 KEPT = 50  # number of newest latencies that are kept of each stage
 MOST_NAMES = 60  # most statuses that are kept
@@ -100,16 +98,3 @@ class Readings:
         """Return a row for each stage: its name, its newest latency and its median latency (ms), sorted by the median."""
         rows = [(stage, values[-1], statistics.median(values)) for stage, values in self.latencies.items()]
         return sorted(rows, key=lambda row: row[2])
-
-
-def landing_place(values: dict[str, str]) -> Array | None:
-    """Return where a ball landed, (3,) m in the frame `table`. values: those of the simulator's status "ball over".
-
-    None is returned if the ball did not land, or if the values hold no valid place.
-    """
-    try:
-        row = json.loads(values.get("landing", "null"))
-        place = np.array(row[1:4], dtype=float) if row else None
-    except (ValueError, TypeError, KeyError):
-        return None
-    return place if place is not None and place.shape == (3,) and np.isfinite(place).all() else None

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -18,16 +22,18 @@ from tt_core.ros.convert import (
     stamp_seconds,
     strokes_from_message,
 )
-from tt_core.ros.diagnostics import Status
+from tt_core.ros.diagnostics import Event, Status, read_status
 from tt_core.ros.inputs import Input
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
 from tt_core.ros.refusals import Refusals
+from tt_core.states import Array
 
 from .robot_shapes import RobotShapes
 from .scene import Joints, Scene, warm
 
 # bytes, largest message of each kind that is read
 LARGEST_STATE, LARGEST_PATH, LARGEST_STROKES, LARGEST_JOINTS, LARGEST_GOAL, LARGEST_URDF = 4096, 2**19, 2**15, 2**16, 4096, 2**22
+LARGEST_DIAGNOSTICS = 2**18
 
 
 class SceneInputs:
@@ -54,11 +60,12 @@ class SceneInputs:
         refused, trajectory = self.refused, MultiDOFJointTrajectory
         Input(node, String, "robot_description", self.on_description, LATCHED, largest=LARGEST_URDF, refused=refused)
         Input(node, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=refused, interval=interval)
-        for topic in ("ball/measured", "ball/state"):  # the tracker's states begin paths, too
+        for topic in ("ball/first", "ball/measured", "ball/state"):  # paths begin at any of them
             Input(node, Odometry, topic, self.on_estimate, RELIABLE, largest=LARGEST_STATE, refused=refused)
         Input(node, trajectory, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=refused)
         Input(node, trajectory, "racket/strokes", self.on_strokes, LATEST, largest=LARGEST_STROKES, refused=refused)
         Input(node, trajectory, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=refused)
+        Input(node, DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE, largest=LARGEST_DIAGNOSTICS, refused=refused)
 
     def now(self) -> float:
         """Return the present time of the node's clock, s."""
@@ -114,3 +121,22 @@ class SceneInputs:
             self.scene.take_goal(goal_from_message(message))
         except TtError as error:
             self.refused(error)
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Show where a ball landed, which a simulator reports when the ball is over."""
+        for status in read_status(message):
+            if status.event is Event.BALL_OVER and (place := landing_place(status.values)) is not None:
+                self.scene.take_landing(place, self.now())
+
+
+def landing_place(values: dict[str, str]) -> Array | None:
+    """Return where a ball landed, (3,) m in the frame `table`. values: those of the simulator's status "ball over".
+
+    None is returned if the ball did not land, or if the values hold no valid place.
+    """
+    try:
+        row = json.loads(values.get("landing", "null"))
+        place = np.array(row[1:4], dtype=float) if row else None
+    except (ValueError, TypeError, KeyError):
+        return None
+    return place if place is not None and place.shape == (3,) and np.isfinite(place).all() else None
