@@ -124,8 +124,8 @@ def forward_into(q: Array, chain: Chain, point: Array, rotation: Array, jacobian
         chain: Geometry of the arm.
         point: (3,) m, output: filled with the position of the face centre in `table`.
         rotation: (3, 3) output: filled with the rotation from racket to `table`.
-        jacobian: (6, n) output: filled with the Jacobian from joint speeds to the velocity of the face centre (m/s) and the angular velocity
-            (rad/s) in `table`.
+        jacobian: (6, n) output: filled with the Jacobian from joint speeds to the velocity of the face centre (m/s) and the angular
+            velocity (rad/s) in `table`.
     """
     n = len(q)
     linear, placed, at, mount, beyond = chain

@@ -240,7 +240,7 @@ class ArmModel:
             q: (n,) rad or m, joint positions.
 
         Returns:
-            (6, n) matrix from joint speeds to the velocity of the face centre (m/s, first three rows) and the angular velocity of the racket
-            (rad/s, last three rows) in `table`.
+            (6, n) matrix from joint speeds to the velocity of the face centre (m/s, rows 0 to 2) and the angular velocity of the racket
+            (rad/s, rows 3 to 5) in `table`.
         """
         return forward(check_array("q", q, (len(self.names),)).copy(), self.chain)[2]

@@ -304,7 +304,7 @@ def write_parameters(found: Identified, base: str, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
-NODES = ("estimate", "predict", "racket")  # names of the nodes that use the models
+NODES = ("estimate", "predict", "racket")  # that use the models
 EPILOG = """The output is a file of ROS parameters for the nodes that use the models. Give it to a launch file beside its own, "ros2 launch
 tt_bringup sim.launch.yaml more_params_file:=identified.yaml", or to one node with "--ros-args --params-file identified.yaml"."""
 

@@ -48,7 +48,7 @@ class Identification:
 
 
 class BadLandings(TtError):
-    """The numbers of shots, bounces and times differ, or a bounce is not within LONGEST seconds after its shot."""
+    """The numbers of shots, bounces and times differ, or a bounce is not within 5 s after its shot."""
 
 
 @njit(cache=True)

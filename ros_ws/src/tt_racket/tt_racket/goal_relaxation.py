@@ -21,9 +21,9 @@ from tt_core.states import BallState, ReturnGoal
 
 from .stroke import Stroke, solve
 
-HALVINGS = 5  # number of bisections of the last step of a search
-SHORTEST, LONGEST = 0.1, 3.0  # s, bounds of the flight times that are tried
-DIRECTIONS = 8  # number of directions from the asked landing place in which other places are tried
+HALVINGS = 5  # of the last step of a search
+SHORTEST, LONGEST = 0.1, 3.0  # s, flight times that are tried
+DIRECTIONS = 8  # in which other landings are tried
 
 
 class GoalPart(Flag):
