@@ -1,4 +1,4 @@
-"""The dissertation's own inverse kinematics (4.62)-(4.65), for comparison. The robot uses the search in `reach` instead.
+"""The dissertation's own posture and joint speeds, for comparison: (4.62)-(4.65) as printed. The robot uses `ik.posture_search` instead.
 
 The posture is the one that Newton's method finds from a seed. The joint speeds come from a weighted pseudo-inverse, with joint 7 at rest.
 """
