@@ -99,7 +99,7 @@ def identify_landings(
         The identified coefficients with their confidence intervals.
 
     Raises:
-        NoFlights: `states` is empty.
+        NoFlights: There is no pair.
         BadLandings: The numbers of states, landings and times differ, or a bounce is not within LONGEST after its shot.
         BadShape: An array has another shape.
         NotFinite: A number is NaN or infinite.
