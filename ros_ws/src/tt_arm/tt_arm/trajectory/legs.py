@@ -114,7 +114,7 @@ def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bo
 
 @njit(cache=True, nogil=True)
 def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> float:
-    """Return the shortest duration (s) of a leg, at least `time`, that keeps the limits in all joints; inf if it exceeds LONGEST_LEG."""
+    """Return the shortest duration (s) of a leg, at least `time`, that keeps the limits in all joints; inf if none below LONGEST does."""
     time = max(time, SHORTEST)
     for i in range(len(leg)):
         ends, bounds = _ends(leg, i), _bounds(limits, i)

@@ -39,7 +39,7 @@ def largest_torques(end: float, step: float, knots: Array, coefficients: Array, 
 def torque_shares(model: ArmModel, end: float, step: float, knots: Array, coefficients: Array) -> Array:
     """Compute the largest share of its rated torque that each joint needs on a path.
 
-    The masses and inertias of the PA10 are assumptions, see its URDF. Friction and the inertia of the rotors are neglected.
+    Friction and the inertia of the rotors are neglected. The PA10's inertias (solid cylinders) and gear ratio are assumed, see its URDF.
 
     Args:
         model: The arm.
