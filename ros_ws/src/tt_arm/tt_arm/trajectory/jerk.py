@@ -14,7 +14,7 @@ SAME = 1e-6  # s by which a leg may last longer than asked
 
 
 def shortest_leg(leg: Leg, limits: JointBounds, time: float = 0.0) -> Trajectory | None:
-    """Compute the shortest leg of all joints that keeps the limits, with the library ruckig.
+    """Compute the shortest leg (motion in which all joints begin and end together) that keeps the limits, with the library ruckig.
 
     Args:
         leg: States of the joints at start and end.
@@ -37,7 +37,7 @@ def shortest_leg(leg: Leg, limits: JointBounds, time: float = 0.0) -> Trajectory
 
 
 def append(leg: Trajectory, begin: float, path: Pieces) -> None:
-    """Append the cubic polynomials of a leg to a path.
+    """Append the cubic polynomials of a leg (motion in which all joints begin and end together) to a path.
 
     Args:
         leg: Trajectory of ruckig.

@@ -64,7 +64,7 @@ class Pieces(NamedTuple):
 
 
 def make_leg(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> Leg:
-    """Return the ends of a leg as a structured array (n,) of LEG.
+    """Return the ends of a leg (motion in which all joints begin and end together) as a structured array (n,) of LEG.
 
     Args:
         q0: (n,) rad, positions at the start.
@@ -92,7 +92,7 @@ def _bounds(limits: JointBounds, i: int) -> Bounds:
 
 @njit(cache=True, nogil=True)
 def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bool:
-    """Return whether a leg keeps the limits of speed, acceleration and jerk in all joints.
+    """Return whether a leg (motion in which all joints begin and end together) keeps the limits of speed, acceleration and jerk.
 
     Args:
         time: s, duration of the leg.
@@ -137,7 +137,7 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
 
 @njit(cache=True)
 def append_leg(begin: float, time: float, leg: Leg, limits: JointBounds, kind: int, path: Pieces) -> None:
-    """Append the polynomials of a leg to a path.
+    """Append the polynomials of a leg (motion in which all joints begin and end together) to a path.
 
     Args:
         begin: s from the start of the path, time at which the leg begins.

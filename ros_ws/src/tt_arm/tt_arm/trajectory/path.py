@@ -16,7 +16,7 @@ PIECES = 48  # largest number of polynomials of each joint: a rest, three legs o
 
 
 class NoLeg(TtError):
-    """There is no leg of the given duration between the given ends.
+    """There is no leg (motion in which all joints begin and end together) of the given duration between the given ends.
 
     Attributes:
         time: s, duration.
@@ -30,7 +30,7 @@ class NoLeg(TtError):
 
 
 class Path:
-    """Path of all joints as polynomials, to which legs and rests are appended.
+    """Path of all joints as polynomials, to which legs (motions in which all joints begin and end together) and rests are appended.
 
     Attributes:
         duration: s, duration of the path so far.
@@ -50,14 +50,24 @@ class Path:
         self._limits, self._kind = limits, PROFILES.index(profile)
 
     def shortest_time(self, time: float, leg: Leg) -> float:
-        """Return the duration (s) of the shortest leg that keeps the limits and lasts at least `time` (s); inf if there is none."""
+        """Return the duration (s) of the shortest motion that keeps the limits and lasts at least `time` (s); inf if there is none.
+
+        Args:
+            time: s, least duration.
+            leg: States of the joints at start and end.
+        """
         if self._kind != RUCKIG:
             return float(shortest_time(time, leg, self._limits, self._kind))
         shortest = shortest_leg(leg, self._limits, time)
         return math.inf if shortest is None else float(shortest.duration)
 
     def is_possible(self, time: float, leg: Leg) -> bool:
-        """Return whether a leg with the duration `time` (s) keeps the limits."""
+        """Return whether a motion of given duration between given ends keeps the limits.
+
+        Args:
+            time: s, duration of the motion.
+            leg: States of the joints at start and end.
+        """
         if self._kind != RUCKIG:
             return bool(leg_is_possible(time, leg, self._limits, self._kind))
         return self.shortest_time(time, leg) <= time + SAME
@@ -68,7 +78,7 @@ class Path:
         self.duration += time
 
     def leg(self, time: float, leg: Leg) -> None:
-        """Append a leg to the path.
+        """Append a leg (motion in which all joints begin and end together) to the path.
 
         Args:
             time: s, duration of the leg, for which it must be possible: a result of `shortest_time`.
