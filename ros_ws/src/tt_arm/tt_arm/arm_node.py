@@ -241,7 +241,7 @@ class ArmNode(Node):
         self.arrival.set()
 
     def plan(self) -> None:
-        """Plan for the newest candidate strokes whenever some arrive, until the node ends; the main function of the planning thread."""
+        """Plan swings for the newest candidate strokes whenever some arrive, until the node ends; the function of the planning thread."""
         set_thread_realtime(RESPONSE.realtime)  # less urgent than the thread that sends commands
         while True:
             self.arrival.wait()
@@ -262,7 +262,7 @@ class ArmNode(Node):
                     self.status.publish(f"planning failed: {type(error).__name__}: {error}", warn=True)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
-        """Plan for the candidate strokes of a message, and publish the swing, or the reasons why there is none.
+        """Plan a swing for the candidate strokes of a message, and publish it, or the reasons why there is none.
 
         Raises TtError for an invalid message.
         """

@@ -40,7 +40,7 @@ AT_WAITING = 0.02  # rad, distance from the waiting posture within which the fir
 
 @dataclass(frozen=True, slots=True)
 class ControlParams:
-    """Parameters of the controller: when it takes strokes, when it replaces a swing by a newer one, and when it gives a swing up."""
+    """Parameters of the arm's controller: when it takes strokes, and when it replaces a swing (planned joint motion) or gives it up."""
 
     ahead: float = param(
         0.006,
@@ -124,7 +124,8 @@ class ControlStep:
 class ArmControl:
     """Controller of the arm. Call `step` with each joint state, and `take` with each set of candidate strokes.
 
-    It reads no clock; it uses only the times that it is given.
+    A stroke is the racket's position, orientation and velocity at one time that returns the ball; a swing is the joint motion that makes
+    it. The controller reads no clock; it uses only the times that it is given.
 
     Attributes:
         enabled: Whether motion is switched on.

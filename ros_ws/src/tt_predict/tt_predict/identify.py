@@ -213,18 +213,18 @@ class _Fit:
         return np.array(SPINS)[np.argmin(cost, axis=0)]
 
     def first(self) -> Array:
-        """Return the unknowns (n,) from which the fit starts."""
+        """Return the unknowns (n,), scaled coefficients and topspins, from which the fit starts."""
         topspins = self.first_topspins() if self.groups else np.zeros(0)
         return np.concatenate([[coefficient(self.physics, name) for name in self.names], topspins]) / self.scale
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the lower and the upper bounds (n,) of the unknowns."""
+        """Return the lower and the upper bounds (n,) of the unknowns, the scaled coefficients and topspins."""
         ranges = [RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
         low, high = np.array(ranges).T / self.scale
         return low, high
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return the weighted residuals (m,) of all flights for unknowns (n,), and report the trial to the callback."""
+        """Return the weighted residuals (m,) of all flights for scaled coefficients and topspins (n,), and report the trial."""
         values, count = unknowns * self.scale, len(self.names)
         misses = np.concatenate(self.misses(with_coefficients(self.physics, self.names, values[:count]), values[count:]))
         self._trials += 1

@@ -131,7 +131,8 @@ def with_racket(ball: Ball, rubber: RacketCoefficients, contact: float, flown: S
 def is_possible(ball: Ball, velocity: Array) -> bool:
     """Tell whether a velocity (3,) m/s after the hit is usable in a search.
 
-    It must differ in x from the ball's velocity before the hit, without which (4.16) has no solution, and it must be below FASTEST.
+    It must differ in x from the ball's velocity before the hit, because otherwise (4.16) of the dissertation gives no spin, and the sum of
+    its absolute components must be less than FASTEST.
     """
     differs = not abs(velocity[0] - ball.velocity[0]) < 1e-6
     return differs and abs(velocity[0]) + abs(velocity[1]) + abs(velocity[2]) < FASTEST

@@ -105,7 +105,7 @@ class SwingLimits:
         return self.command_timeout + self.hold_reserve
 
     def of_joints(self, model: ArmModel) -> JointLimits:
-        """Return the joint limits that a swing of this arm must keep."""
+        """Return the joint limits that a swing (planned joint motion) must keep: those of the arm, reduced by these parameters."""
         return model.limits.reduced(
             speed=self.speed_share, effort=self.torque_share, margin=self.margin, acceleration=self.acceleration, jerk=self.jerk
         )
