@@ -1,7 +1,9 @@
-"""Joint motion of an arm that brings its racket to a wanted state (dissertation Section 4.5, Appendix B).
+"""Planning and control of an arm that brings its racket to a wanted state (dissertation Section 4.5, Appendix B).
 
-The modules are loaded when one of their names is used, so that who needs the model alone does not load the planner. The function
-`tt_arm.reach.reach` has the name of its module, and is imported from there.
+A stroke is the racket's position, orientation and velocity at one time that returns the ball. A swing is the joint motion that makes a
+stroke. A module is loaded when one of its names is used, so that a program that needs only the model does not load the planner. The
+function `tt_arm.reach.reach` has the same name as its module; import it from there. The dissertation is the Nagoya dissertation "Racket
+Control and Spinning Ball Measurement for Table Tennis Robot".
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load the module that holds an exported name."""
+    """Load the module that has an exported name, and return the object of this name."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)

@@ -1,4 +1,4 @@
-"""An arm from its arm file: the parameter `robot` of nodes, the key `arm` of scenarios."""
+"""Load the model of an arm from its arm file, which the parameter `robot` of nodes and the key `arm` of scenarios name."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .model import ArmModel, UrdfOptions
 
 
 def load_arm(robot: str, base: Sequence[float] = (), mount: Sequence[float] = (), waiting: Sequence[float] = ()) -> ArmModel:
-    """Return the arm of a file.
+    """Return the model of the arm that an arm file describes.
 
     Args:
-        robot: Name, arm file or folder, see `tt_core.robots.arm_file`; empty for the Mitsubishi PA10.
-        base: As of `ArmModel.from_urdf`, instead of that of the file; empty for that.
-        mount: The same of the mount.
-        waiting: The same of the waiting posture.
+        robot: Name of an arm, or path of an arm file or its folder, see `tt_core.robots.arm_file`; empty for the Mitsubishi PA10.
+        base: Pose of the root link in `table`, as in `ArmModel.from_urdf`; empty for that of the file.
+        mount: Pose of the racket on the tip, as in `ArmModel.from_urdf`; empty for that of the file.
+        waiting: (n,) rad or m, joint positions at which the arm waits for a ball; empty for those of the file.
 
     Raises:
-        BadFile: The file cannot be read, or something in it is wrong.
-        TtError: The arm cannot be made of it, see `ArmModel.from_urdf`.
+        BadFile: The file cannot be read, or its content is wrong.
+        TtError: The model cannot be made from it, see `ArmModel.from_urdf`.
     """
     given, urdf = read_arm(robot)
     options = UrdfOptions(given.limits, given.fixed, given.left_out)
@@ -39,7 +39,7 @@ def load_arm(robot: str, base: Sequence[float] = (), mount: Sequence[float] = ()
 
 @dataclass(frozen=True)
 class InstalledArm:
-    """Which arm it is and how it is mounted, as parameters of a node."""
+    """Parameters of a node that choose the arm, its mounting, its waiting posture and the names of its joints."""
 
     robot: str = param("", "", "name of an arm, or path of an arm file or its folder, see docs/arms.md; empty: pa10")
     base: tuple[float, ...] = param(
@@ -60,11 +60,15 @@ class InstalledArm:
         check(self)
 
     def model(self) -> ArmModel:
-        """Return the arm; raises as `load_arm` does."""
+        """Return the model of the arm that the parameters choose; raises the errors of `load_arm`."""
         return load_arm(self.robot, self.base, self.mount, self.waiting)
 
     def joint_names(self, model: ArmModel) -> Sequence[str]:
-        """Return the names of the joints in joint states; raises BadShape if they are not as many as those of the model."""
+        """Return the names that the joints of `model` have in joint states: the parameter `joints`, or else the names of the URDF.
+
+        Raises:
+            BadShape: The number of names differs from that of the model's joints.
+        """
         names = self.joints or model.names
         if len(names) != len(model.names):
             raise BadShape("joints", (len(names),), (len(model.names),))

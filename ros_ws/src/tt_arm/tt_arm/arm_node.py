@@ -1,7 +1,8 @@
 """The node of the arm: it receives strokes and joint states, and answers each joint state with a joint velocity command.
 
-Guard and servo run in the executor's thread, which does nothing that takes more than a millisecond. Strokes are planned in a thread of
-their own. All deadlines run on the monotonic clock.
+A stroke is the racket's position, orientation and velocity at one time that returns the ball; a swing is the joint motion that makes it.
+Servo and guard run in the executor's thread, in which nothing takes more than a millisecond. Swings are planned in another thread. All
+deadlines are measured on the monotonic clock.
 """
 
 from __future__ import annotations
@@ -50,18 +51,18 @@ from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
 WATCH = 0.0025  # s between two checks whether joint states have ceased
-LOOK = 0.25  # s between two checks who else publishes commands or joint states
-TICK = 0.002  # s between the last commands of a node that ends
-LONGEST_END = 1.0  # s, that these commands may take
+LOOK = 0.25  # s between two checks whether another node publishes commands or joint states
+TICK = 0.002  # s between the last commands of the node when it ends
+LONGEST_END = 1.0  # s, longest time for which the node sends these commands
 POINTS = 0.02  # s between the points of the published swing
-SWITCH = 5e-4  # s, after which the planning thread's Python code yields to the servo
-TELL = 0.2  # s, at least, between two reports of what stops the arm
-KEPT = {ArmStop.SWING_WILL_DO, ArmStop.SWING_COMMITTED}  # why newer strokes change nothing, as they should
+SWITCH = 5e-4  # s, interval after which the planning thread's Python code yields to the servo
+TELL = 0.2  # s, least time between two reports of what stops the arm
+KEPT = {ArmStop.SWING_WILL_DO, ArmStop.SWING_COMMITTED}  # normal reasons for newer strokes to change nothing; they are no warnings
 LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
 class ArmLine(Enum):
-    """What the terminal tells."""
+    """Messages that the arm node writes to the terminal, as format strings."""
 
     SWING = "swing: strikes in {ahead:.3f} s, joints at most at {ratio:.0%} of their speed limits"
     NO_SWING = "no swing: {reason}"
@@ -73,7 +74,7 @@ class ArmLine(Enum):
 
 @dataclass(frozen=True)
 class ArmParams(InstalledArm):
-    """The arm, and what it may do."""
+    """Parameters of the arm node: the arm, the form of its commands, its speed, and whether it is enabled at the start."""
 
     commands: str = param(
         "velocity",
@@ -97,7 +98,11 @@ class ArmParams(InstalledArm):
 
 
 class ArmNode(Node):
-    """Subscribe to joint states and strokes; publish commands, the planned swing and the description of the arm."""
+    """ROS node that moves the arm.
+
+    It subscribes to joint_states and racket/strokes. It publishes joint velocity or position commands, the planned swing on arm/swing, and
+    the URDF of the arm on robot_description. It serves arm/enable and arm/stop.
+    """
 
     def __init__(self) -> None:
         """Declare the parameters, check the arm, load the kernels, and connect."""
@@ -163,17 +168,20 @@ class ArmNode(Node):
         threading.Thread(target=self.plan, name="planning", daemon=True).start()
 
     def _in_simulated_time(self, params: JointStateParams) -> JointStateParams:
-        """Return the deadlines in simulated seconds: where these pass faster, a delay of this machine lasts more of them."""
+        """Return the deadlines in simulated seconds.
+
+        If simulated time passes faster than real time, a delay of this computer lasts more simulated seconds, so the deadlines are longer.
+        """
         if self.rtf <= 1.0:
             return params
         return replace(params, silence=params.silence * self.rtf, late=params.late * self.rtf, ahead=params.ahead * self.rtf)
 
     def on_params(self, params: ArmParams) -> None:
-        """Apply what acts at run time."""
+        """Apply the parameters that can be changed at run time: the share of the speed limits."""
         self.control.speed_scale = params.speed_scale
 
     def on_joints(self, message: JointState) -> None:
-        """Answer a joint state with a command."""
+        """Compute and publish the command that answers a joint state. Stop the arm if the message is invalid or an error occurs."""
         now, clock = self.monotonic(), self.now()
         try:
             state = joints_from_message(message, self.joints)
@@ -193,17 +201,17 @@ class ArmNode(Node):
         self.send(step)
 
     def on_refused_state(self, error: TtError) -> None:
-        """Brake, because a joint state that cannot be read does not tell where the arm is."""
+        """Publish a command that brakes, because the position of the arm is unknown if a joint state cannot be read."""
         self.send(self.control.refuse(self.monotonic(), Failure(ArmStop.UNREADABLE, error=error)))
 
     def on_watch(self) -> None:
-        """Brake when joint states have ceased."""
+        """Publish a command that brakes if valid joint states have ceased; called by a timer every WATCH seconds."""
         step = self.control.watch(self.monotonic())
         if step is not None:
             self.send(step)
 
     def send(self, step: ControlStep) -> None:
-        """Publish a command, and what is to be reported with it."""
+        """Publish the command of a control step, and report a begun swing, an interrupted stroke or the reason of a stop."""
         self.command(step.command)
         if step.begun is not None and self.frame_time is not None:
             stamp, self.frame_time = self.frame_time, None
@@ -214,7 +222,13 @@ class ArmNode(Node):
         self.publish_stop(step.reason)
 
     def command(self, command: Array) -> None:
-        """Publish a velocity command (n,), rad/s or m/s, as the arm takes it: as it is, or as positions, once there are joint states."""
+        """Publish a joint velocity command in the form that the driver takes: velocities, or positions of a short trajectory.
+
+        Positions are published only if there is a valid joint state.
+
+        Args:
+            command: (n,) rad/s or m/s.
+        """
         if self.stream is None:
             self.commands.publish(Float64MultiArray(data=command.tolist()))
         elif self.control.joints is not None:
@@ -222,12 +236,12 @@ class ArmNode(Node):
             self.commands.publish(swing_to_message(self.joints, 0.0, *points))  # a stamp of 0: from the time of arrival on
 
     def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
-        """Pass strokes to the planning thread. Older ones that it has not taken yet are replaced."""
+        """Pass a message with candidate strokes to the planning thread; it replaces an older message that is not planned yet."""
         self.strokes = message
         self.arrival.set()
 
     def plan(self) -> None:
-        """Take the newest strokes whenever some come, in the planning thread."""
+        """Plan swings for the newest candidate strokes whenever some arrive, until the node ends; the function of the planning thread."""
         set_thread_realtime(RESPONSE.realtime)  # less urgent than the thread that sends commands
         while True:
             self.arrival.wait()
@@ -248,7 +262,10 @@ class ArmNode(Node):
                     self.status.publish(f"planning failed: {type(error).__name__}: {error}", warn=True)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
-        """Plan for strokes, and publish the swing or why there is none."""
+        """Plan a swing for the candidate strokes of a message, and publish it, or the reasons why there is none.
+
+        Raises TtError for an invalid message.
+        """
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
@@ -279,7 +296,11 @@ class ArmNode(Node):
         self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
 
     def wrong_clock(self, stamp: float) -> Failure | None:
-        """Return why strokes that rest on a frame of `stamp` (s) would be made at a wrong time, or None."""
+        """Return why strokes would be made at a wrong time because a clock is wrong; None if no clock is.
+
+        Args:
+            stamp: s, time stamp of the image from which the strokes were computed.
+        """
         bound, worst = self.control.states.params.ahead, self.worst_clock
         if stamp > self.now() + bound:
             return Failure(ArmStop.STROKES_AHEAD, age=stamp - self.now(), bound=bound)
@@ -288,20 +309,23 @@ class ArmNode(Node):
         return None
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Switch motion on or off, the service arm/enable."""
+        """Serve arm/enable: switch the motion of the arm on or off."""
         self.control.enable(request.data)
         self.status.terminal.info(ArmLine.ENABLED if request.data else ArmLine.DISABLED)
         response.success, response.message = True, "enabled" if request.data else "disabled"
         return response
 
     def on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Stop the arm until it is enabled again, the service arm/stop."""
+        """Serve arm/stop: stop the arm until it is enabled again."""
         self.control.enable(False, Failure(ArmStop.STOPPED))
         response.success, response.message = True, str(Failure(ArmStop.STOPPED))
         return response
 
     def on_look(self) -> None:
-        """Stop the arm while another node publishes commands or joint states; find the clock that is off most."""
+        """Stop the arm while another node publishes commands or joint states, and find the clock with the largest offset.
+
+        A timer calls it every LOOK seconds.
+        """
         for topic in (self.commands.topic_name, self.states.topic):
             publishers = self.get_publishers_info_by_topic(topic)
             failure = None
@@ -312,15 +336,19 @@ class ArmNode(Node):
         self.worst_clock = self.clocks.worst()
 
     def now(self) -> float:
-        """Return the time (s) by the node's clock."""
+        """Return the time (s) of the node's clock."""
         return self.get_clock().now().nanoseconds * 1e-9
 
     def monotonic(self) -> float:
-        """Return the time (s) by the monotonic clock, in simulated seconds where time is simulated."""
+        """Return the time (s) of the monotonic clock, in simulated seconds if time is simulated."""
         return time.monotonic() * self.rtf
 
     def publish_stop(self, reason: Failure | None) -> None:
-        """Report what stops the arm, or makes it do less than its swing asks, when that changes, at most each TELL (s)."""
+        """Report what stops or limits the arm, if it has changed since the last report, at most every TELL seconds.
+
+        Args:
+            reason: Why the command differs from what the swing asks for; None if it does not.
+        """
         kind, now = "" if reason is None else reason.code.name, time.monotonic()
         if kind != self.reported and now > self.reported_at + TELL:
             self.reported, self.reported_at = kind, now
@@ -331,7 +359,7 @@ class ArmNode(Node):
                 self.status.terminal.warn(ArmLine.HELD, reason=reason)
 
     def close(self) -> None:
-        """Bring the arm to rest before the context ends."""
+        """Stop the arm with a controlled stop, end the planning thread, and wait until the last commands are sent."""
         failure, end = Failure(ArmStop.ENDED), time.monotonic() + LONGEST_END
         self.control.enable(False, failure)
         while time.monotonic() < end:

@@ -1,7 +1,10 @@
-"""The arm from strokes and joint states to commands, without ROS. It keeps the swing; the guard checks each command last.
+"""Controller of the arm without ROS: it gets strokes and joint states, and returns joint velocity commands.
 
-Two threads may share one `ArmControl`: `step`, `refuse`, `watch` and `enable` belong to the thread of the servo, `take`, which plans for
-milliseconds, to another one. A swing that was planned while the arm was stopped is dropped.
+A stroke is the racket's position, orientation and velocity at one time that returns the ball; a swing is the joint motion that makes it.
+The controller keeps the present swing; the guard makes the last check of each command.
+
+Two threads may share one `ArmControl`. The servo's thread calls `step`, `refuse`, `watch` and `enable`; another thread calls `take`, which
+needs milliseconds for planning. A swing that was planned while the arm was stopped is dropped.
 """
 
 from __future__ import annotations
@@ -31,13 +34,13 @@ from .swing import Swing, SwingLimits, plan, strike
 from .trajectory.legs import make_leg
 from .trajectory.path import Path
 
-AT_REST = 0.02  # rad/s, below which a stop is over
-AT_WAITING = 0.02  # rad, from the waiting posture, within which the first motion after enabling is over
+AT_REST = 0.02  # rad/s, joint speed below which a stop is over
+AT_WAITING = 0.02  # rad, distance from the waiting posture within which the first motion after enabling is over
 
 
 @dataclass(frozen=True, slots=True)
 class ControlParams:
-    """When strokes are taken, and when a path is given up."""
+    """Parameters of the arm's controller: when it takes strokes, and when it replaces a swing (planned joint motion) or gives it up."""
 
     ahead: float = param(
         0.006,
@@ -102,13 +105,14 @@ class ControlParams:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ControlStep:
-    """What follows from one joint state.
+    """Result of one control step: the command that answers one joint state.
 
     Attributes:
-        command: (n,) rad/s.
-        reason: Why it is not what the swing wants, or None.
-        begun: The swing that begins with this command, or None.
-        interrupted: Whether a stroke was given up because of a gap; its strokes may be taken again.
+        command: (n,) rad/s or m/s, joint velocity command.
+        reason: Why the command differs from what the swing asks for; None if it does not.
+        begun: The swing that begins with this command; None if none begins.
+        interrupted: Whether the present stroke was given up, so that the candidate strokes may be passed to `take` again. The cause is a
+            gap in the joint states, a clock that went back, or a swing that the guard does not let pass.
     """
 
     command: Array
@@ -118,16 +122,19 @@ class ControlStep:
 
 
 class ArmControl:
-    """The arm's controller. Call `step` with each joint state and `take` with each set of strokes; both only use the times they are given.
+    """Controller of the arm. Call `step` with each joint state, and `take` with each set of candidate strokes.
+
+    A stroke is the racket's position, orientation and velocity at one time that returns the ball; a swing is the joint motion that makes
+    it. The controller reads no clock; it uses only the times that it is given.
 
     Attributes:
         enabled: Whether motion is switched on.
-        joints: The last joint state that was accepted, None before the first and after silence.
-        limits: What swings may use, at full speed.
-        swing: The swing on its way, or None.
-        coming: The swing that begins next, or None.
-        stroke: The stroke on its way and its posture, or None.
-        held: Why the arm must not move for now, by the name of who calls `hold`.
+        joints: The last accepted joint state; None before the first one and after joint states have ceased.
+        limits: Limits that swings must keep at full speed.
+        swing: The present swing; None if there is none.
+        coming: The planned swing that begins next; None if there is none.
+        stroke: Racket state and posture of the stroke that the arm now moves for; None if there is none.
+        held: Reasons why the arm must not move for now, by the names given to `hold`.
     """
 
     def __init__(
@@ -141,17 +148,17 @@ class ArmControl:
         params: ControlParams | None = None,
         states: JointStateParams | None = None,
     ) -> None:
-        """Begin at rest, not enabled.
+        """Create a controller that is not enabled and has no swing. A parameter that is None has its default.
 
         Args:
             model: The arm.
-            limits: What swings may use.
-            reaching: What the posture search weighs.
-            servo: Feed-forward and feedback.
-            guard: What the guard lets through.
-            selection: How many candidates are tried.
-            params: When strokes are taken, and when a path is given up.
-            states: Which joint states are used.
+            limits: Limits that swings must keep.
+            reaching: Parameters of the posture search.
+            servo: Parameters of the servo.
+            guard: Limits of the guard.
+            selection: How many candidate strokes are tried.
+            params: When strokes are taken, and when a swing is given up.
+            states: Which joint states are accepted.
         """
         self.model, self.limits, self.reaching = model, limits or SwingLimits(), reaching or ReachParams()
         self.servo, self.selection, self.params = servo or ServoParams(), selection or SelectionParams(), params or ControlParams()
@@ -175,11 +182,11 @@ class ArmControl:
         self._lock, self._stops = threading.Lock(), 0  # how often the swing was given up
 
     def enable(self, on: bool, reason: Failure | None = None) -> None:
-        """Switch motion on or off.
+        """Switch the motion of the arm on or off.
 
         Args:
-            on: True resets what has latched. False begins a controlled stop.
-            reason: Why the arm is switched off.
+            on: True permits motion and resets the latched failure of the guard. False begins a controlled stop.
+            reason: Why the arm is switched off; None for NOT_ENABLED.
         """
         self.enabled, self._off = on, reason or Failure(ArmStop.NOT_ENABLED)
         self._forget()
@@ -191,7 +198,7 @@ class ArmControl:
 
     @property
     def speed_scale(self) -> float:
-        """Share of the speed limits that motion may use, 0.01 to 1; may be set at any time."""
+        """Share of the speed limits that the arm may use, 0.01 to 1. It may be set at any time; the present swing is then planned anew."""
         return self._scale
 
     @speed_scale.setter
@@ -200,7 +207,12 @@ class ArmControl:
         self._give_up()
 
     def hold(self, who: str, failure: Failure | None) -> None:
-        """Stop the arm for `failure` until `who` calls again with None."""
+        """Stop the arm for a reason that a caller reports, until the same caller withdraws it.
+
+        Args:
+            who: Name of the caller.
+            failure: Why the arm must not move; None withdraws the reason of this caller.
+        """
         if failure is None:
             self.held.pop(who, None)
         else:
@@ -208,20 +220,23 @@ class ArmControl:
 
     @property
     def stopped_by(self) -> Failure | None:
-        """Return why the arm must not move at all, whatever the joint states are; None when it may."""
+        """Why the arm must not move, whatever the joint states are: latched, held or not enabled; None if it may move."""
         if self.guard.latched is not None:
             return self.guard.latched
         held = tuple(self.held.values())  # a copy: two threads look
         return (held[0] if held else None) if self.enabled else self._off
 
     def step(self, joints: Joints, now: float | None = None, clock: float | None = None, *, has_speeds: bool = True) -> ControlStep:
-        """Return the command for the time of `joints`: along the swing, else towards waiting, else that of a stop.
+        """Return the command that answers a joint state.
+
+        The command follows the present swing. Without one it moves the arm to the waiting posture. It is that of a controlled stop if the
+        arm must not move or the joint state is refused.
 
         Args:
-            joints: As measured.
-            now: s, monotonic, when it came; its own time if None.
-            clock: s, what the clock of the stamps showed then; None where there is no such clock.
-            has_speeds: See `JointStateCheck.accept`.
+            joints: Measured joint state.
+            now: s, monotonic time at which it arrived; None for its own time.
+            clock: s, reading at that time of the clock that makes the stamps; None if there is no such clock.
+            has_speeds: False if the driver sends no speeds; they are then computed from the positions.
         """
         now = joints.time if now is None else now
         before = self.states.last
@@ -250,12 +265,23 @@ class ArmControl:
         return self._follow(joints, now, age, interrupted)
 
     def refuse(self, now: float, failure: Failure) -> ControlStep:
-        """Return the next command of a stop, for a joint state that cannot be used. The swing may go on with the next good one."""
+        """Return the next command of a controlled stop, for a joint state that cannot be used.
+
+        The swing is kept and may continue with the next valid joint state.
+
+        Args:
+            now: s, monotonic time.
+            failure: Why the joint state cannot be used.
+        """
         self._refusal = failure, now
         return ControlStep(self.guard.stop(now), self.stopped_by or failure)
 
     def watch(self, now: float) -> ControlStep | None:
-        """Return the next command of a stop when at `now` (s, monotonic) joint states have ceased; None while all is well."""
+        """Return the next command of a controlled stop if valid joint states have ceased; None if they have not.
+
+        Args:
+            now: s, monotonic time.
+        """
         silence = self.states.silence(now) if self.states.last is not None else None
         if silence is None:
             return None
@@ -265,7 +291,14 @@ class ArmControl:
         return ControlStep(self.guard.stop(now), self.stopped_by or reason)
 
     def take(self, rackets: Sequence[RacketState]) -> StrokeSelection:
-        """Plan for the candidate strokes, in order of preference. The swing begins by itself in a later `step`."""
+        """Select one of the candidate strokes and plan its swing, which begins in a later call of `step`.
+
+        Args:
+            rackets: Racket states of the candidates, in order of preference.
+
+        Returns:
+            The selected stroke with its swing. If no candidate can be made, or the present swing is kept, it has no stroke but the reasons.
+        """
         with self._lock:
             stops, joints, swing, coming, begin = self._stops, self.joints, self.swing, self.coming, self._begin
             stroke = self.stroke
@@ -301,7 +334,7 @@ class ArmControl:
         return self._sooner(selected, rackets, start, begin, stops) if hurried and current is None else selected
 
     def _commit(self, selected: StrokeSelection, begin: float, stops: int) -> bool:
-        """Let a selected swing come next, unless the swing was given up since `stops`; return whether it comes."""
+        """Make a selected swing the coming one, unless swings were given up since the count `stops` was read; return whether it is."""
         if selected.racket is None or selected.reach is None:
             return False
         with self._lock:
@@ -313,9 +346,9 @@ class ArmControl:
     def _sooner(
         self, selected: StrokeSelection, rackets: Sequence[RacketState], start: Joints, begin: float, stops: int
     ) -> StrokeSelection:
-        """Change a swing that comes or has begun to the candidate after which the arm waits again soonest, and return the selection.
+        """Replace the selected swing by one after which the arm waits for the next ball sooner, if there is one; return the selection.
 
-        The arm need not wait for the posture search of all candidates: it moves on the first one meanwhile, and from there to the best one.
+        The arm begins with the first selected stroke while the postures of the other candidates are searched, and then changes to the best.
         """
         sooner = select_sooner(self.model, rackets, start, self._limits, self.reaching, self.selection, selected)
         with self._lock:
@@ -328,14 +361,14 @@ class ArmControl:
         return changed if planned.swing is not None and self._commit(changed, begin, stops) else selected
 
     def fail(self, error: Exception, now: float) -> Array:
-        """Latch for an error of the program itself.
+        """Stop the arm because of an error of the program itself, until it is enabled again.
 
         Args:
-            error: What was raised.
-            now: s, monotonic.
+            error: The exception that was raised.
+            now: s, monotonic time.
 
         Returns:
-            The next command (n,) rad/s of a stop, or zero if not even that can be computed.
+            The next command (n,) rad/s of a controlled stop; zero if even that cannot be computed.
         """
         failure = Failure(ArmStop.INTERNAL, error=f"{type(error).__name__}: {error}")
         self._forget()
@@ -347,12 +380,12 @@ class ArmControl:
 
     @property
     def _speed(self) -> float:
-        """Return the share of the speed limits for now."""
+        """Share of the speed limits that the arm may use at present; it is smaller during the first motion after enabling."""
         return self._scale * (self.params.first_speed if self._arriving else 1.0)
 
     @property
     def _limits(self) -> SwingLimits:
-        """Return what swings may use for now."""
+        """Limits that swings must keep at present, with the present share of the speed limits."""
         return self.limits if self._speed == 1.0 else replace(self.limits, speed_share=max(0.01, self._speed * self.limits.speed_share))
 
     def _arrived(self, joints: Joints) -> bool:
@@ -362,7 +395,7 @@ class ArmControl:
         return not self._arriving
 
     def _resume(self, joints: Joints) -> bool:
-        """Go on after a gap from what is measured; return whether a stroke was given up."""
+        """Continue after a gap in the joint states from the measured state; return whether a stroke was given up."""
         self.guard.begin_from(joints.qdot)
         self._cut_since = None
         if self.swing is None or self._off_path(self.swing, joints) <= self.params.rejoin:
@@ -372,7 +405,7 @@ class ArmControl:
         return interrupted
 
     def _follow(self, joints: Joints, now: float, age: float, interrupted: bool) -> ControlStep:
-        """Return the command along the swing. A swing begins, ends and is planned anew here."""
+        """Return the command along the present swing; begin the coming swing, or plan a return to waiting if there is none."""
         if self._arriving and self._arrived(joints):
             self._give_up()
         begun = None
@@ -397,13 +430,16 @@ class ArmControl:
         return ControlStep(command, cut, begun, interrupted)
 
     def _is_spoilt(self, cut: Failure, time: float) -> bool:
-        """Return whether the path cannot go on: the guard stopped it, or has cut it for longer than `patience`."""
+        """Return whether the swing must be given up: the guard has stopped it, or has cut its commands for longer than `patience`."""
         self._cut_since = time if self._cut_since is None else self._cut_since
         limits = ArmStop.SPEED_CUT, ArmStop.POSITION_CUT, ArmStop.ACCELERATION_CUT
         return cut.code not in limits or time - self._cut_since > self.params.patience
 
     def _does_not_follow(self, now: float, last: object) -> Failure:
-        """Give up the path. After `failures` of these within `failure_window` the arm rests for `pause`, and then moves slowly."""
+        """Give up the swing and return the reason.
+
+        After `failures` of these within `failure_window` the arm rests for `pause`, and then moves slowly as after enabling.
+        """
         self._give_up()
         self._cut_since = None
         self._given_up.append(now)
@@ -416,36 +452,36 @@ class ArmControl:
         return self._rest
 
     def _paused(self, now: float) -> Failure | None:
-        """Return why the arm rests for a while, or None."""
+        """Return why the arm rests for the time `pause`; None if it does not."""
         if self._pause is not None and now >= self._pause[1]:
             self._pause = None
         return None if self._pause is None else self._pause[0]
 
     def _off_path(self, swing: Swing, joints: Joints) -> float:
-        """Return the largest distance (rad) of a joint from where the swing has it."""
+        """Return the largest distance (rad) of a joint from its position on the swing."""
         return float(np.abs(swing.sample(joints.time)[0] - joints.q).max())
 
     def _hurries(self, rackets: Sequence[RacketState]) -> bool:
-        """Return whether these are for a ball that comes soon after another one, whether that was hit or not."""
+        """Return whether these strokes are for a ball that comes less than `hurry` after the ball before it, hit or not."""
         ball = min((racket.time for racket in rackets), default=-np.inf)
         if ball > self._ball + self.params.same_ball:
             self._before, self._ball = self._ball, ball
         return self._ball < self._before + self.params.hurry
 
     def _give_up(self) -> None:
-        """Drop all swings and the stroke, and make a planning thread drop what it has planned meanwhile."""
+        """Drop all swings and the stroke, and make the planning thread drop a swing that it is planning now."""
         with self._lock:
             self.swing = self.coming = self.stroke = None
             self._begin, self._stops = -np.inf, self._stops + 1
 
     def _forget(self) -> None:
-        """Drop all swings, and when balls came."""
+        """Drop all swings and the stroke, and forget the times of the last balls."""
         self._give_up()
         self._before = self._ball = -np.inf
 
 
 def _path_at(time: float, swing: Swing, coming: Swing | None) -> Swing:
-    """Return which of the swings the arm is on at `time`, s."""
+    """Return the swing, `swing` or `coming`, that the arm follows at `time` (s)."""
     return coming if coming is not None and coming.start.time <= time else swing
 
 
@@ -454,7 +490,7 @@ def _refused(failure: Failure) -> StrokeSelection:
 
 
 def warm(model: ArmModel) -> None:
-    """Compile every kernel of the arm, or load it from the cache, so that none is compiled while a ball flies."""
+    """Compile every kernel of the arm, or load it from the cache, so that none is compiled while a ball is in flight."""
     control = ArmControl(model)
     control.enable(True)
     joints = Joints.at_rest(0.0, model.waiting)

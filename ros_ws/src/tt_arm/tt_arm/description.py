@@ -1,4 +1,4 @@
-"""The description of the arm as other programs read it: the URDF with the arm placed in `table`."""
+"""Description of the arm for other programs: its URDF with the arm placed in the frame `table`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ ROOT = "table"  # link that is added as the root
 
 
 def placed_description(urdf: str, base: pin.SE3) -> str:
-    """Return a URDF whose root is the frame `table`: a fixed joint `table_to_base` from it to the former root link is added.
+    """Return a URDF whose root link is `table`, with an added fixed joint `table_to_base` from `table` to the former root link.
 
     Args:
-        urdf: The description of the arm, XML.
-        base: The former root link in `table`.
+        urdf: URDF of the arm, as XML text. If its root link already is `table`, it is not changed.
+        base: Pose of the former root link in `table`.
 
     Raises:
         TtError: The text is no URDF with one root link.

@@ -1,4 +1,4 @@
-"""Kernel of the arm's inverse dynamics: which torques a motion needs (recursive Newton-Euler; `tests/arm` compares with pinocchio's)."""
+"""Inverse dynamics of the arm: joint torques of a motion, by the recursive Newton-Euler method (`tests/arm` compares with pinocchio)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Tensor = tuple[float, float, float, float, float, float]  # symmetric: xx, xy, y
 
 
 class Links(NamedTuple):
-    """The rigid bodies that the joints move, one row for each, in the frame of its joint.
+    """Inertial data of the n rigid bodies that the joints move, one row for each joint, in the frame of the joint.
 
     Attributes:
         mass: (n,) kg.
@@ -48,7 +48,7 @@ def _times(tensor: Tensor, v: Vector) -> Vector:
 
 @njit(cache=True)
 def _inwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
-    """Return a vector of the frame of joint i in the frame of the joint before; the joint is turned by the angle with cosine c, sine s."""
+    """Transform a vector from the frame of joint i to the frame of the joint before; c and s are cosine and sine of the joint's angle."""
     r = chain.rotations
     x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
     return (
@@ -60,7 +60,7 @@ def _inwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
 
 @njit(cache=True)
 def _outwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
-    """Return a vector of the frame of the joint before in the frame of joint i; the inverse of `_inwards`."""
+    """Transform a vector from the frame of the joint before to the frame of joint i; the inverse of `_inwards`."""
     r = chain.rotations
     x = r[i, 0, 0] * v[0] + r[i, 1, 0] * v[1] + r[i, 2, 0] * v[2]
     y = r[i, 0, 1] * v[0] + r[i, 1, 1] * v[1] + r[i, 2, 1] * v[2]
@@ -78,19 +78,20 @@ def _arm(i: int, q: float, chain: Chain) -> Vector:
 
 @njit(cache=True)
 def joint_torques(q: Array, qdot: Array, qddot: Array, chain: Chain, links: Links, torque: Array, wrenches: Array) -> None:
-    """Fill the torques, or forces of linear joints, that a motion needs.
+    """Compute the torques (forces of linear joints) that a motion of the arm needs.
 
-    Outwards along the arm the acceleration of each link gives the wrench on it; inwards these add up. Gravity is an acceleration of the
-    table. Each link's vectors are in the frame of its joint, whose axis is z.
+    The first loop goes from the base outwards and computes the acceleration of each link and the wrench that it needs. The second loop goes
+    inwards and adds the wrenches. Gravity is treated as an upward acceleration of the table. The vectors of each link are in the frame of
+    its joint, whose axis is z.
 
     Args:
-        q: (n,) rad or m.
-        qdot: (n,) rad/s or m/s.
-        qddot: (n,) rad/s^2 or m/s^2.
-        chain: The geometry.
-        links: The bodies.
-        torque: (n,) N m or N; filled.
-        wrenches: (n, 6) working memory: force and moment on each link.
+        q: (n,) rad or m, joint positions.
+        qdot: (n,) rad/s or m/s, joint speeds.
+        qddot: (n,) rad/s^2 or m/s^2, joint accelerations.
+        chain: Geometry of the arm.
+        links: Masses and inertias of the links.
+        torque: (n,) N m or N, output: filled with the torques or forces.
+        wrenches: (n, 6) scratch memory: force and moment on each link.
     """
     n = len(q)
     omega, alpha, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY)  # rad/s, rad/s^2, m/s^2 at the joint

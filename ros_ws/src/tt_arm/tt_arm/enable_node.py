@@ -1,4 +1,4 @@
-"""A program that lets the arm move: it calls arm/enable once, when the service is there, and ends."""
+"""A program that lets the arm move: it waits for the service arm/enable, calls it once and ends."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool
 from tt_core.start import default_signals
 
-WAIT = 120.0  # s for the arm node to be there: a cold start compiles kernels
-ANSWER = 10.0  # s for its answer
+WAIT = 120.0  # s, longest wait for the service of the arm node: a cold start compiles kernels
+ANSWER = 10.0  # s, longest wait for its answer
 
 
 def main() -> int:
-    """Print what the arm answers; return the exit code, 0 if the arm is enabled."""
+    """Call the service arm/enable and print its answer; return the exit code, 0 if the arm is enabled, else 1."""
     default_signals()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("enable", enable_rosout=False, start_parameter_services=False)

@@ -1,4 +1,4 @@
-"""Joints: their motion at one instant, and their limits."""
+"""State of the joints at one time, and limits of the joints."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from tt_core.states import Array
 
 ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint in swings; the PA10 then needs 0.76 of its rated torque at most (assumed inertias)
 JERK = 4000.0  # rad/s^3 or m/s^3 of each joint in swings; our choice: 5 ms from rest to the full acceleration
-NO_ACCELERATION_LIMIT, NO_JERK_LIMIT = 1e4, 1e7  # rad or m, s; limits of a joint whose description states none
-HOLD_RESERVE = 0.04  # s more for which a command may act: its transport, and a process that is held up twice; our choice, costs no stroke
+NO_ACCELERATION_LIMIT, NO_JERK_LIMIT = 1e4, 1e7  # rad/s^2, rad/s^3 or m; limits of a joint whose description states none
+HOLD_RESERVE = 0.04  # s, added to the time a command may act: transport, and a process delayed twice; our choice, costs no stroke
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
-    """The motion of the joints at one instant.
+    """Positions, speeds and accelerations of all joints of the arm at one time.
 
     Attributes:
         time: s.
-        q: (n,) rad, or m for a linear joint.
-        qdot: (n,) rad/s or m/s.
-        qddot: (n,) rad/s^2 or m/s^2; zero where it is not given.
+        q: (n,) positions, rad, or m for a linear joint.
+        qdot: (n,) speeds, rad/s or m/s.
+        qddot: (n,) accelerations, rad/s^2 or m/s^2; zero if they are not given.
     """
 
     time: float
@@ -45,7 +45,7 @@ class Joints:
 
     @classmethod
     def at_rest(cls, time: float, q: Array) -> Joints:
-        """Return joints at rest at q (n,) rad or m at `time` (s)."""
+        """Return the state of joints that are at rest at the positions q (n,) rad or m at `time` (s)."""
         return cls(time, q, np.zeros(np.shape(q)))
 
 
@@ -63,18 +63,18 @@ JOINT_BOUNDS = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """What each joint may do: the limits of the posture search, of swings, the servo, the guard and the simulated arm.
+    """Limits of the n joints of an arm: of the arm itself, or the smaller ones that a part of the program may use.
 
-    The limits of the arm itself are `ArmModel.limits`. Whoever may use less of them takes `reduced`.
+    The limits of the arm itself are `ArmModel.limits`. Posture search, swings, servo and guard use limits made by `reduced`.
 
     Attributes:
-        names: Of the joints.
-        units: Of each joint's position, "rad" for a revolute and "m" for a linear joint. All other units follow from it.
+        names: Names of the joints.
+        units: Unit of each joint's position, "rad" for a revolute and "m" for a linear joint. All other units follow from it.
         position: (n, 2) lowest and highest position, rad or m.
-        speed: (n,) rad/s or m/s, both ways.
-        acceleration: (n,) rad/s^2 or m/s^2, both ways; NO_ACCELERATION_LIMIT where the description of the arm states none.
-        jerk: (n,) rad/s^3 or m/s^3, both ways; NO_JERK_LIMIT where the description of the arm states none.
-        effort: (n,) N m or N, rated, at the joint.
+        speed: (n,) rad/s or m/s, for both directions.
+        acceleration: (n,) rad/s^2 or m/s^2, for both directions; NO_ACCELERATION_LIMIT if the URDF of the arm states none.
+        jerk: (n,) rad/s^3 or m/s^3, for both directions; NO_JERK_LIMIT if the URDF of the arm states none.
+        effort: (n,) N m or N, rated torque or force at the joint.
     """
 
     names: tuple[str, ...]
@@ -96,7 +96,7 @@ class JointLimits:
 
     @functools.cached_property
     def bounds(self) -> JointBounds:
-        """Return the limits in the form that kernels take."""
+        """Limits as a structured array (n,) of JOINT_BOUNDS, the form that kernels take; without the effort."""
         bounds = np.empty(len(self.names), JOINT_BOUNDS)
         bounds["low"], bounds["high"] = self.position.T
         bounds["speed"], bounds["acceleration"], bounds["jerk"] = self.speed, self.acceleration, self.jerk
@@ -111,14 +111,14 @@ class JointLimits:
         acceleration: float | None = None,
         jerk: float | None = None,
     ) -> JointLimits:
-        """Return the limits of somebody who may use less. The results are cached.
+        """Return smaller limits, for a part of the program that may use only a share of these. The results are cached.
 
         Args:
-            speed: Share of the speed limits.
-            effort: Share of the rated effort.
-            margin: Distance kept from both position limits, rad or m.
-            acceleration: rad/s^2 or m/s^2, limit of each joint whose description states none; None keeps NO_ACCELERATION_LIMIT.
-            jerk: rad/s^3 or m/s^3, limit of each joint whose description states none; None keeps NO_JERK_LIMIT.
+            speed: Share of the speed limits, 0 to 1.
+            effort: Share of the rated effort, 0 to 1.
+            margin: Distance to keep from both position limits, rad or m.
+            acceleration: rad/s^2 or m/s^2, limit of each joint whose URDF states none; None keeps NO_ACCELERATION_LIMIT.
+            jerk: rad/s^3 or m/s^3, limit of each joint whose URDF states none; None keeps NO_JERK_LIMIT.
         """
         return _reduced(self, speed, effort, margin, acceleration, jerk)
 

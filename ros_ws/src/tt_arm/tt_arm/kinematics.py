@@ -1,8 +1,8 @@
-"""Kernels of the arm's geometry: from joint positions to the racket and the bodies.
+"""Forward kinematics of the arm: kernels that compute the pose of the racket and of the arm's bodies from joint positions.
 
-Every joint has a frame whose z axis is the axis of the joint. From one joint to the next leads a constant placement, then the motion of the
-joint: a turn about z, or a shift along z where it is linear. The kernels do not check their arguments. Vectors are in the frame `table`
-unless said otherwise. Lengths of arrays: n joints, m capsules.
+Every joint has a frame whose z axis is the axis of the joint. The frame of a joint follows from that of the joint before by a constant
+placement and then the motion of the joint: a rotation about z, or a translation along z if the joint is linear. The kernels do not check
+their arguments. Vectors are in the frame `table` unless said otherwise. Lengths of arrays: n joints, m capsules.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from tt_core.states import Array
 
 
 class Chain(NamedTuple):
-    """The constants of the arm's geometry.
+    """Geometry of an arm with n joints: constant placements of the joint frames and of the racket.
 
     Attributes:
         linear: (n,) whether a joint is linear.
-        rotations: (n, 3, 3) frame of a joint to that of the joint before; of the first one to table.
-        positions: (n, 3) m, origin of the same.
-        mount_rotation: (3, 3) racket to the frame of the last joint.
-        mount_position: (3,) m, face centre in the frame of the last joint.
+        rotations: (n, 3, 3) rotation from the frame of a joint at position 0 to the frame of the joint before it; the first one to `table`.
+        positions: (n, 3) m, origin of the frame of a joint in the frame of the joint before it; the first one in `table`.
+        mount_rotation: (3, 3) rotation from the racket to the frame of the last joint.
+        mount_position: (3,) m, centre of the racket's face in the frame of the last joint.
     """
 
     linear: npt.NDArray[np.bool_]
@@ -35,19 +35,21 @@ class Chain(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """The bodies of an arm as capsules, all that is within a radius of a segment, and the racket as a disc.
+    """Bodies of an arm for collision checks: the links as capsules, and the racket as a disc.
 
-    Kept apart from `Chain`, because each array in an argument costs a call 10 ns.
+    A capsule is the set of all points within a radius of a line segment. The bodies are not a part of `Chain`, because each array in an
+    argument makes a call 10 ns slower.
 
     Attributes:
-        chain: The joints that move them.
-        levers: (n,) m for a turning joint, the largest distance from its axis of any point that it moves; 1 for a linear one.
-        starts: (m, 3) m, where the segment of a capsule begins, in the frame of its joint.
-        ends: (m, 3) m, where it ends.
-        radii: (m,) m, of the capsules.
-        reaches: (m,) m, radius of the sphere around the middle of a capsule.
-        owners: (m,) index of the joint that moves the capsule; -1 for one that stands still, whose points are in table. In this order.
-        pairs: (p, 2) capsules that must not touch each other; the second is -1 for the racket.
+        chain: Geometry of the joints that move the bodies.
+        levers: (n,) for a revolute joint the largest distance in m from its axis of any point that it moves; 1 for a linear joint.
+        starts: (m, 3) m, first end of each capsule's segment, in the frame of its joint.
+        ends: (m, 3) m, second end of each capsule's segment, in the frame of its joint.
+        radii: (m,) m, radius of each capsule.
+        reaches: (m,) m, radius of the sphere around the middle of a capsule that contains it.
+        owners: (m,) index of the joint that moves the capsule, in increasing order; -1 for a capsule that does not move, which is in
+            `table`.
+        pairs: (p, 2) indices of capsules that must not touch each other; the second is -1 for the racket.
         rim: m, radius of the racket.
     """
 
@@ -64,16 +66,16 @@ class Bodies(NamedTuple):
 
 @njit(cache=True, inline="always")
 def move_frame(i: int, q: float, linear: bool, placed: Array, at: Array, point: Array, rotation: Array) -> None:
-    """Turn point (3,) and rotation (3, 3) of the frame before joint i into those of its own frame, in place.
+    """Change the pose of the frame before joint i to the pose of the frame of joint i, in place.
 
     Args:
         i: Index of the joint.
-        q: rad or m.
-        linear: Whether it is linear.
-        placed: Rotations of `Chain`.
-        at: Positions of `Chain`.
-        point: (3,) m; changed.
-        rotation: (3, 3); changed.
+        q: rad or m, position of the joint.
+        linear: Whether the joint is linear.
+        placed: (n, 3, 3) `Chain.rotations`.
+        at: (n, 3) m, `Chain.positions`.
+        point: (3,) m, origin of the frame in `table`; changed in place.
+        rotation: (3, 3) rotation from the frame to `table`; changed in place.
     """
     c, s = (1.0, 0.0) if linear else (math.cos(q), math.sin(q))
     for k in range(3):
@@ -89,7 +91,7 @@ def move_frame(i: int, q: float, linear: bool, placed: Array, at: Array, point: 
 
 @njit(cache=True, inline="always")
 def begin_frame(point: Array, rotation: Array) -> None:
-    """Fill point (3,) and rotation (3, 3) of the frame `table`."""
+    """Set point (3,) to zero and rotation (3, 3) to the unit matrix, the pose of the frame `table` in itself."""
     for k in range(3):
         point[k] = 0.0
         for j in range(3):
@@ -98,7 +100,14 @@ def begin_frame(point: Array, rotation: Array) -> None:
 
 @njit(cache=True, inline="always")
 def mount_racket(mount: Array, beyond: Array, point: Array, rotation: Array) -> None:
-    """Turn point (3,) and rotation (3, 3) of the frame of the last joint into those of the racket, in place."""
+    """Change the pose of the last joint's frame to the pose of the racket, in place.
+
+    Args:
+        mount: (3, 3) `Chain.mount_rotation`.
+        beyond: (3,) m, `Chain.mount_position`.
+        point: (3,) m, origin of the frame in `table`; changed in place.
+        rotation: (3, 3) rotation from the frame to `table`; changed in place.
+    """
     for k in range(3):
         a, b, c = rotation[k, 0], rotation[k, 1], rotation[k, 2]
         point[k] += a * beyond[0] + b * beyond[1] + c * beyond[2]
@@ -108,7 +117,16 @@ def mount_racket(mount: Array, beyond: Array, point: Array, rotation: Array) -> 
 
 @njit(cache=True)
 def forward_into(q: Array, chain: Chain, point: Array, rotation: Array, jacobian: Array) -> None:
-    """Fill what `forward` returns."""
+    """Compute the racket's pose and Jacobian into given arrays.
+
+    Args:
+        q: (n,) rad or m, joint positions.
+        chain: Geometry of the arm.
+        point: (3,) m, output: filled with the position of the face centre in `table`.
+        rotation: (3, 3) output: filled with the rotation from racket to `table`.
+        jacobian: (6, n) output: filled with the Jacobian from joint speeds to the velocity of the face centre (m/s) and the angular
+            velocity (rad/s) in `table`.
+    """
     n = len(q)
     linear, placed, at, mount, beyond = chain
     begin_frame(point, rotation)
@@ -132,12 +150,12 @@ def forward(q: Array, chain: Chain) -> tuple[Array, Array, Array]:
     """Compute the racket's pose and Jacobian.
 
     Args:
-        q: (n,) rad or m.
-        chain: The geometry.
+        q: (n,) rad or m, joint positions.
+        chain: Geometry of the arm.
 
     Returns:
-        Position (3,) m of the face centre, rotation (3, 3) racket to table, and Jacobian (6, n) from joint speeds to the velocity of the
-        face centre (m/s) and the angular velocity (rad/s).
+        Position (3,) m of the face centre in `table`, rotation (3, 3) from racket to `table`, and Jacobian (6, n) from joint speeds to the
+        velocity of the face centre (m/s) and the angular velocity (rad/s) in `table`.
     """
     point, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, len(q)))
     forward_into(q, chain, point, rotation, jacobian)
@@ -146,15 +164,15 @@ def forward(q: Array, chain: Chain) -> tuple[Array, Array, Array]:
 
 @njit(cache=True, inline="always")
 def place_bodies(q: Array, bodies: Bodies, starts: Array, ends: Array, point: Array, rotation: Array) -> None:
-    """Fill where the bodies are.
+    """Compute where the capsules and the racket are in `table`.
 
     Args:
-        q: (n,) rad or m.
-        bodies: Of the arm.
-        starts: (m, 3) m; filled with where the segments begin.
-        ends: (m, 3) m; filled with where they end.
-        point: (3,) m; filled with the face centre.
-        rotation: (3, 3); filled with the racket's rotation.
+        q: (n,) rad or m, joint positions.
+        bodies: Capsules and racket of the arm.
+        starts: (m, 3) m, output: filled with the first ends of the capsules' segments.
+        ends: (m, 3) m, output: filled with the second ends of the capsules' segments.
+        point: (3,) m, output: filled with the centre of the racket's face.
+        rotation: (3, 3) output: filled with the rotation from racket to `table`.
     """
     linear, placed, at, mount, beyond = bodies.chain
     own_starts, own_ends, owners = bodies.starts, bodies.ends, bodies.owners

@@ -1,4 +1,4 @@
-"""The arm and its racket: geometry, limits and dynamics, from a URDF."""
+"""Model of an arm with its racket: geometry, limits and dynamics, made from a URDF."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ __all__ = ["ArmModel", "UrdfError", "UrdfFailure", "UrdfOptions"]
 
 
 def base_placement(base: Sequence[float]) -> pin.SE3:
-    """Return the root link in `table`, for x, y, z (m) and yaw (rad), or x, y, z and roll, pitch, yaw.
+    """Return the pose of the arm's root link in `table`.
+
+    Args:
+        base: x, y, z (m) and yaw (rad), or x, y, z (m) and roll, pitch, yaw (rad).
 
     Raises:
         BadShape: There are neither 4 nor 6 numbers.
@@ -44,7 +47,7 @@ def base_placement(base: Sequence[float]) -> pin.SE3:
 
 
 def mount_placement(mount: Sequence[float]) -> pin.SE3:
-    """Return the racket in the frame of the tip.
+    """Return the pose of the racket in the frame of the tip, the link on which it is mounted.
 
     Args:
         mount: Distance (m) along the z axis of the tip and angle (rad) about its y axis, or x, y, z (m) and roll, pitch, yaw (rad).
@@ -61,7 +64,7 @@ def mount_placement(mount: Sequence[float]) -> pin.SE3:
 
 
 def _pinocchio(description: Description, base: pin.SE3) -> pin.Model:
-    """Return pinocchio's model of the arm in `table`. It needs no shapes, and takes unlimited joints for limited ones with limits."""
+    """Return pinocchio's model of the arm in `table`, from the URDF without its shapes, which the model does not need."""
     robot = ET.fromstring(description.xml)
     for link in robot.findall("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
@@ -92,7 +95,7 @@ def _limits(description: Description) -> JointLimits:
 
 
 def _waiting(waiting: Sequence[float] | None, limits: JointLimits) -> Array:
-    """Return the waiting posture, the middle of each joint's range if none is given; raise OutOfRange for a joint beyond its limit."""
+    """Return the waiting posture; if none is given, the middle of each joint's range. Raise OutOfRange for a joint beyond its limit."""
     if waiting is None:
         return limits.position.mean(axis=1)
     posture = check_array("waiting", waiting, (len(limits.names),))
@@ -103,18 +106,18 @@ def _waiting(waiting: Sequence[float] | None, limits: JointLimits) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ArmModel:
-    """An arm with a racket, whose face centre and normal are the origin and the z axis of the frame `racket`.
+    """Model of an arm with a racket. The racket's face centre and face normal are the origin and the z axis of the frame `racket`.
 
     Attributes:
-        limits: Of the joints, from the URDF.
-        waiting: (n,) rad or m, where the arm waits for a ball.
-        chain: The geometry, for kernels.
-        bodies: What must not touch anything, for kernels.
-        links: The moving bodies, for kernels.
+        limits: Limits of the n joints, from the URDF.
+        waiting: (n,) rad or m, joint positions at which the arm waits for a ball.
+        chain: Geometry of the joints, in the form that kernels take.
+        bodies: Capsules and racket that must not touch anything, in the form that kernels take.
+        links: Masses and inertias of the moving bodies, in the form that kernels take.
         pinocchio: Pinocchio's model of the same arm in `table`, with its dynamics.
-        closed_form: Of the inverse kinematics; None for an arm that has none.
-        base: The root link of the URDF in `table`.
-        description: The URDF that all of this was made from, with the racket.
+        closed_form: Constants of the closed-form inverse kinematics; None for an arm that has none.
+        base: Pose of the root link of the URDF in `table`.
+        description: The checked URDF, with the racket, from which the model was made.
     """
 
     limits: JointLimits
@@ -129,22 +132,22 @@ class ArmModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the joints."""
+        """Names of the n joints, from base to racket."""
         return self.limits.names
 
     @property
     def position_limits(self) -> Array:
-        """Return the lowest and highest position of each joint, (n, 2) rad or m."""
+        """Lowest and highest position of each joint, (n, 2) rad or m."""
         return self.limits.position
 
     @property
     def speed_limits(self) -> Array:
-        """Return the speed limits, (n,) rad/s or m/s, both ways."""
+        """Speed limits of the joints, (n,) rad/s or m/s, for both directions."""
         return self.limits.speed
 
     @property
     def torque_limits(self) -> Array:
-        """Return the rated torques (N m) or forces (N) at the joints, (n,)."""
+        """Rated torques (N m) or forces (N) of the joints, (n,)."""
         return self.limits.effort
 
     @classmethod
@@ -155,16 +158,16 @@ class ArmModel:
         waiting: Sequence[float] | None = None,
         urdf: str | None = None,
     ) -> ArmModel:
-        """Return the Mitsubishi PA10; its joints are s1, s2, s3, e1, e2, w1, w2. What is None is as in its arm file.
+        """Return the model of the Mitsubishi PA10, whose joints are s1, s2, s3, e1, e2, w1, w2.
 
         Args:
-            base: As of `from_urdf`.
-            mount: As of `from_urdf`, on the flange.
-            waiting: As of `from_urdf`.
-            urdf: Path of another description with a link named flange.
+            base: Pose of the root link in `table`, as in `from_urdf`; None for that of the PA10's arm file.
+            mount: Pose of the racket on the flange, as in `from_urdf`; None for that of the arm file.
+            waiting: (7,) rad, joint positions at which the arm waits for a ball; None for those of the arm file.
+            urdf: Path of another URDF whose flange has the same link name; None for that of the arm file.
 
         Raises:
-            TtError: As of `from_urdf`.
+            TtError: An argument or the URDF cannot be used, see `from_urdf`.
         """
         given, path = read_arm("pa10")
         return cls.from_urdf(
@@ -185,19 +188,19 @@ class ArmModel:
         waiting: Sequence[float] | None = None,
         options: UrdfOptions | None = None,
     ) -> ArmModel:
-        """Return a serial arm of 5 to 8 revolute, continuous or prismatic joints.
+        """Return the model of a serial arm with 5 to 8 revolute, continuous or prismatic joints.
 
-        All joints that are not between the root and the tip, as those of a gripper, are fixed. If the tip has a link named `racket` fixed
-        to it, or is itself that link, the URDF describes the racket; otherwise a usual racket is added.
+        Joints that are not between the root and the tip, for example those of a gripper, are fixed. If the tip is the link `racket`, or a
+        link `racket` is fixed to the tip, the URDF describes the racket; otherwise a usual racket is added.
 
         Args:
-            path: Of the URDF.
-            tip: Link that the racket is mounted on; None for the only one to which nothing is attached.
-            base: Root link in `table`: x, y, z (m) and yaw (rad), or x, y, z and roll, pitch, yaw.
-            mount: Racket on the tip: its distance (m) along the z axis of the tip and its angle (rad) about the y axis of the tip, or x, y,
-                z (m) and roll, pitch, yaw (rad). None keeps the place of the URDF's own racket, or puts one at the tip itself.
-            waiting: (n,) rad or m, where the arm waits for a ball; None for the middle of each joint's range.
-            options: Limits that the URDF does not state or states differently, joints that are fixed, and links that are left out.
+            path: Path of the URDF.
+            tip: Name of the link on which the racket is mounted; None for the only link to which no other link is attached.
+            base: Pose of the root link in `table`: x, y, z (m) and yaw (rad), or x, y, z (m) and roll, pitch, yaw (rad).
+            mount: Pose of the racket on the tip: its distance (m) along the z axis of the tip and its angle (rad) about the y axis of the
+                tip, or x, y, z (m) and roll, pitch, yaw (rad). None keeps the pose of the URDF's own racket, or puts a racket at the tip.
+            waiting: (n,) rad or m, joint positions at which the arm waits for a ball; None for the middle of each joint's range.
+            options: Limits that replace or complete those of the URDF, joints to fix, and links to leave out; None for no changes.
 
         Raises:
             UrdfError: The URDF cannot be used.
@@ -217,19 +220,27 @@ class ArmModel:
 
     @cached_property
     def atlas(self) -> Atlas:
-        """Return postures all over the limits of the joints, from which the posture search starts."""
+        """The atlas: precomputed postures all over the limits of the joints, from which the posture search starts."""
         return make_atlas(self.chain, self.limits.position)
 
     @property
     def placed_description(self) -> str:
-        """Return the URDF as other programs read it: with the racket, and with the frame `table` as the root."""
+        """URDF of the arm for other programs: with the racket, and with the frame `table` as the root link."""
         return placed_description(self.description.xml, self.base)
 
     def racket(self, q: Array) -> tuple[Array, Array]:
-        """Return position (3,) m of the face centre and rotation (3, 3) of the racket in `table`, for q (n,) rad or m."""
+        """Return position (3,) m of the face centre and rotation (3, 3) of the racket in `table`, for joint positions q (n,) rad or m."""
         position, rotation, _ = forward(check_array("q", q, (len(self.names),)).copy(), self.chain)
         return position, rotation
 
     def jacobian(self, q: Array) -> Array:
-        """Return the Jacobian (6, n), (B.21), from joint speeds to velocity of the face centre (m/s) and angular velocity (rad/s)."""
+        """Return the Jacobian of the racket, (B.21) of the dissertation.
+
+        Args:
+            q: (n,) rad or m, joint positions.
+
+        Returns:
+            (6, n) matrix from joint speeds to the velocity of the face centre (m/s, rows 0 to 2) and the angular velocity of the racket
+            (rad/s, rows 3 to 5) in `table`.
+        """
         return forward(check_array("q", q, (len(self.names),)).copy(), self.chain)[2]

@@ -1,8 +1,9 @@
-"""Positions for arms that take no velocities: where each velocity command leads, a little ahead, and a stop there if no newer one comes.
+"""Convert velocity commands to trajectory points, for arms whose driver takes positions and not velocities.
 
-The positions are those that the commands so far add up to, so that a drive with a lag follows without getting slower. They stay near the
-measured ones. A trajectory controller that gets nothing newer follows the last points to their end: it holds the command for `ahead`, then
-brakes, as drives do that take velocities and hold them for `swing.command_timeout`.
+The positions are the integral of the commands so far, so that a drive with a lag follows without getting slower. They are kept near the
+measured positions. The points lead a short time ahead and then stop. A trajectory controller that gets no newer points follows the last
+ones to their end: it keeps the commanded velocity for `ahead` seconds and then brakes, as drives do that take velocities and hold them for
+`swing.command_timeout`.
 """
 
 from __future__ import annotations
@@ -13,28 +14,34 @@ import numpy as np
 from tt_core.errors import check_range
 from tt_core.states import Array
 
-LONGEST_AHEAD = 0.05  # s
-LEASH = 0.1  # rad or m, by which the positions may differ from measured ones: 0.02 s of lag at 5 rad/s, or 5 m/s
-LONGEST_STEP = 0.05  # s without a command, after which the positions start anew from measured ones
+LONGEST_AHEAD = 0.05  # s, largest `ahead`
+LEASH = 0.1  # rad or m, largest difference of the positions from measured ones: 0.02 s of lag at 5 rad/s, or 5 m/s
+LONGEST_STEP = 0.05  # s without a command, after which the positions start again from measured ones
 
 
 class PositionPoints(NamedTuple):
-    """What a trajectory controller gets."""
+    """Two points of a joint trajectory for a trajectory controller: where the command leads, and where the joints stop after it.
 
-    times: Array  # (2,) s from now
-    positions: Array  # (2, n) rad or m
-    velocities: Array  # (2, n) rad/s or m/s
+    Attributes:
+        times: (2,) s from now.
+        positions: (2, n) rad or m.
+        velocities: (2, n) rad/s or m/s; zero in the second point.
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
 
 
 class PositionStream:
-    """Adds velocity commands up to positions."""
+    """Converter that integrates velocity commands to positions for a trajectory controller."""
 
     def __init__(self, braking: Array, ahead: float) -> None:
-        """Begin without a position.
+        """Create it without a position.
 
         Args:
-            braking: (n,) rad/s^2 or m/s^2, at which each joint brakes at the end of the points.
-            ahead: s, at which the first point is.
+            braking: (n,) rad/s^2 or m/s^2, deceleration with which each joint brakes at the end of the points.
+            ahead: s from now, time of the first point.
 
         Raises:
             OutOfRange: `ahead` is not above 0, or above LONGEST_AHEAD.
@@ -44,12 +51,12 @@ class PositionStream:
         self._command, self._time = np.zeros(len(braking)), -np.inf
 
     def points(self, time: float, q: Array, command: Array) -> PositionPoints:
-        """Return the points for a command.
+        """Return the trajectory points for a velocity command.
 
         Args:
-            time: s, by a clock that only goes forwards.
-            q: (n,) rad or m, measured.
-            command: (n,) rad/s or m/s.
+            time: s, present time on a monotonic clock.
+            q: (n,) rad or m, measured joint positions.
+            command: (n,) rad/s or m/s, velocity command.
         """
         passed = time - self._time
         if self._reference is None or not 0.0 <= passed <= LONGEST_STEP:

@@ -1,9 +1,9 @@
-"""Which posture and joint speeds bring the racket to its state (inverse kinematics).
+"""Inverse kinematics of a stroke: find the posture (joint positions) and joint speeds that give the racket its state.
 
-Face position and normal are five conditions on five to eight joints, so none to three freedoms are left. The search begins all over the
-limits of the joints, so the answer does not depend on a start (`posture_search`; `elbow_search` for an arm with a closed form). The best
-posture needs the least share of the joint speeds that are possible there within the swing time, lets the face turn little at the strike,
-and has the arm back soon.
+Position and normal of the racket's face are five conditions on five to eight joints, so zero to three freedoms (free angles) are left. The
+search starts from postures all over the joint limits, so its result does not depend on a start value (`posture_search`; `elbow_search` for
+an arm with closed-form inverse kinematics). The best posture needs the least share of the joint speeds that are possible there within the
+swing time, turns the face little at the strike, and lets the arm return soon.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from .kinematics import Chain, forward
 from .model import ArmModel
 
 METHODS = ("best", "near", "any", "liu")
-FINER = (1, 2)  # times `grid`, where the plain grid finds no posture within all limits
-MORE = (1, 4, 16)  # times `seeds` that are tried one after the other, until a posture within all limits is found
+FINER = (1, 2)  # multiples of `grid` that are tried one after the other, until a posture within all limits is found
+MORE = (1, 4, 16)  # multiples of `seeds` that are tried one after the other, until a posture within all limits is found
 
 
 class ReachFailure(Enum):
-    """Why a posture cannot be used."""
+    """Codes of failures: why there is no usable posture for a racket state."""
 
     OUT_OF_REACH = "out of reach"
     NOT_CONVERGED = "Newton's method did not converge"
@@ -47,7 +47,7 @@ class ReachFailure(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ReachParams:
-    """What the search among the postures weighs."""
+    """Parameters of the posture search: weights of its cost, and numbers of start postures."""
 
     swing_time: float = param(
         0.38,
@@ -104,14 +104,14 @@ class ReachParams:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reach:
-    """A posture for the strike.
+    """Posture and joint speeds at the strike (the time of the hit), or the reason why there are none.
 
     Attributes:
-        q: (n,) rad.
-        qdot: (n,) rad/s.
-        ratio: max |qdot| / limit; inf if there is no posture.
+        q: (n,) rad or m, joint positions; the start posture if none was found.
+        qdot: (n,) rad/s or m/s, joint speeds; zero if no posture was found.
+        ratio: Largest ratio of a joint's speed to its limit; inf if no posture was found.
         turning: rad/s, rate at which the face normal turns.
-        reason: Why it cannot be used, or None.
+        reason: Why the posture cannot be used; None if it can.
     """
 
     q: Array
@@ -122,32 +122,46 @@ class Reach:
 
 
 class Rating(NamedTuple):
-    """How a posture and its joint speeds stand to the limits."""
+    """Comparison of a posture and its joint speeds with the limits.
 
-    ratio: float  # max |qdot| / limit
-    turning: float  # rad/s, of the face normal
-    joint: int  # the one that is furthest beyond its position limit
-    beyond: float  # rad, by how much; negative within the limit
+    Attributes:
+        ratio: Largest ratio of a joint's speed to its limit.
+        turning: rad/s, rate at which the face normal turns.
+        joint: Index of the joint that is furthest beyond its position limit, or nearest to it.
+        beyond: rad or m by which this joint is beyond its limit; negative within the limit.
+    """
+
+    ratio: float
+    turning: float
+    joint: int
+    beyond: float
 
 
 class NearestPosture(NamedTuple):
-    """The posture next to a seed, with its least joint speeds."""
+    """Posture that Newton's method finds from a seed (start posture), with the least joint speeds.
+
+    Attributes:
+        found: Whether the iteration converged and joint speeds exist.
+        q: (n,) rad or m, joint positions.
+        qdot: (n,) rad/s or m/s, joint speeds.
+        rating: Comparison with the limits.
+    """
 
     found: bool
-    q: Array  # (n,) rad
-    qdot: Array  # (n,) rad/s
+    q: Array
+    qdot: Array
     rating: Rating
 
 
 @njit(cache=True)
 def rate(q: Array, qdot: Array, rows: Array, limits: JointBounds) -> Rating:
-    """Compare a posture with the limits.
+    """Compare a posture and its joint speeds with the limits.
 
     Args:
-        q: (n,) rad.
-        qdot: (n,) rad/s.
-        rows: (5, n) of `steady_rows`, for joint speeds in rad/s.
-        limits: Of the joints.
+        q: (n,) rad or m, joint positions.
+        qdot: (n,) rad/s or m/s, joint speeds.
+        rows: (5, n) matrix of `steady_rows` in this posture, from joint speeds to the velocity of the face and the turning of its normal.
+        limits: (n,) limits of the joints.
     """
     ratio, joint, beyond = 0.0, 0, -np.inf
     for i in range(len(q)):
@@ -160,15 +174,18 @@ def rate(q: Array, qdot: Array, rows: Array, limits: JointBounds) -> Rating:
 
 @njit(cache=True)
 def nearest(position: Array, normal: Array, velocity: Array, seed: Array, limits: JointBounds, chain: Chain) -> NearestPosture:
-    """Find the posture next to a seed, by Newton's method, and its least joint speeds.
+    """Find a posture near a seed by Newton's method, and the least joint speeds for the racket's velocity.
 
     Args:
-        position: (3,) m, face centre.
-        normal: (3,) unit, face normal.
-        velocity: (3,) m/s, of the face centre.
-        seed: (n,) rad.
-        limits: Of the joints.
-        chain: The geometry.
+        position: (3,) m in `table`, wanted position of the face centre.
+        normal: (3,) wanted unit normal of the face in `table`.
+        velocity: (3,) m/s in `table`, wanted velocity of the face centre.
+        seed: (n,) rad or m, posture from which the iteration starts.
+        limits: (n,) limits of the joints. The joint speeds are the least ones as shares of the speed limits.
+        chain: Geometry of the arm.
+
+    Returns:
+        The posture, its joint speeds, and their comparison with the limits.
     """
     found, q, rows = newton(position, normal, seed, chain)
     n = len(seed)
@@ -199,17 +216,21 @@ def reach(
     method: str = "best",
     limits: JointLimits | None = None,
 ) -> Reach:
-    """Find the posture and the joint speeds that give the racket its position, normal and velocity.
+    """Find the posture and the joint speeds that give the racket its position, normal and velocity at the strike.
 
     Args:
         model: The arm.
-        racket: As wanted at the strike.
-        seed: (n,) rad, where the arm comes from.
-        params: What the search weighs.
-        qdot: (n,) rad/s, the joint speeds at `seed`; None at rest.
-        method: "best" searches all postures. "near" takes the posture that Newton's method finds from the seed, with the least joint
-            speeds, and "any" the first one within the position limits. "liu" is the dissertation's, see `dissertation`.
-        limits: Of the joints; None for the arm's own.
+        racket: Wanted racket state at the strike.
+        seed: (n,) rad or m, joint positions from which the arm starts.
+        params: Parameters of the posture search; None for the default.
+        qdot: (n,) rad/s or m/s, joint speeds at `seed`; None if the arm is at rest there.
+        method: "best" searches all postures for the best one. "near" takes the posture that Newton's method finds from the seed, with the
+            least joint speeds. "any" takes the first posture within the position limits. "liu" is the dissertation's method, see
+            `dissertation`.
+        limits: Limits of the joints; None for those of the arm.
+
+    Returns:
+        The posture. Its `reason` tells why it cannot be used, if it cannot.
 
     Raises:
         BadShape: An array has another shape.
@@ -238,13 +259,16 @@ def reach(
 
 
 def adjust(model: ArmModel, racket: RacketState, before: Reach, limits: JointLimits | None = None) -> Reach:
-    """Change a posture and its joint speeds as little as possible for a racket state that has changed a little.
+    """Change a posture and its joint speeds as little as possible, for a racket state that has changed a little.
 
     Args:
         model: The arm.
-        racket: As wanted now.
-        before: The answer for the racket state before.
-        limits: Of the joints; None for the arm's own.
+        racket: Wanted racket state after the change.
+        before: Posture and joint speeds for the racket state before the change.
+        limits: Limits of the joints; None for those of the arm.
+
+    Returns:
+        The new posture. Its `reason` tells why it cannot be used, if it cannot.
     """
     limits = limits or model.limits
     found, q, rows = newton(racket.position.copy(), racket.normal, np.array(before.q), model.chain)
@@ -256,7 +280,7 @@ def adjust(model: ArmModel, racket: RacketState, before: Reach, limits: JointLim
 
 
 def _searched(model: ArmModel, racket: RacketState, start: Array, params: ReachParams, limits: JointLimits) -> Reach:
-    """Return the best posture of the search; start (3, n): q, qdot, and q where the arm waits."""
+    """Return the best posture of the search; start (3, n): start positions, start speeds, and positions of the waiting posture."""
     bounds = limits.reduced(acceleration=params.acceleration).bounds
     weights = PostureWeights(
         params.swing_time, params.affordable, params.turning_weight, params.margin, params.return_weight, params.command_timeout
@@ -283,7 +307,7 @@ def _compared(model: ArmModel, limits: JointLimits, q: Array, qdot: Array) -> Re
 
 
 def _rated(limits: JointLimits, q: Array, qdot: Array, rating: Rating) -> Reach:
-    """Return the posture, with the reason if it is beyond a limit."""
+    """Return the posture as a Reach, with the reason if it is beyond a limit."""
     reason = None
     if rating.beyond > 0.0:
         joint = limits.names[rating.joint]

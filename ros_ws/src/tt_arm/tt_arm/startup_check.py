@@ -1,4 +1,4 @@
-"""What is checked at the start: whether the arm can play from its base with its mount, and whether its guard lets its swings pass."""
+"""Checks at the start of the arm node: whether the arm can play from its base with its mount, and whether its guard passes its swings."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .safety.guard import GuardParams
 from .swing import SwingLimits, plan
 
 TIME = 1.0  # s from the start to the strike; enough for every stroke that is within reach
-NEEDED = 0.5  # share of the strokes that must be possible; from the base, mount and posture of `model` all of them are
+NEEDED = 0.5  # share of the strokes that must be possible; with base, mount and waiting posture of the PA10's arm file all of them are
 
 
 class StartupFailure(Enum):
-    """Why an arm cannot play."""
+    """Codes of failures: why an arm cannot play, or why its parameters contradict each other."""
 
     WAITING_TOO_NEAR = "the waiting posture {waiting} is {distance:.3f} m from {obstacle}, {bound:g} m wanted"
     TOO_FEW_STROKES = (
@@ -39,10 +39,10 @@ class StartupFailure(Enum):
 
 
 class StartupError(TtError):
-    """The arm cannot play, or its limits contradict each other.
+    """The arm cannot play from its base with its mount, or the limits of guard and swings contradict each other.
 
     Attributes:
-        failure: The reason.
+        failure: The reason; its code is a StartupFailure.
     """
 
     def __init__(self, failure: Failure) -> None:
@@ -52,9 +52,9 @@ class StartupError(TtError):
 
 
 def strokes() -> list[RacketState]:
-    """Return typical strokes over the window in which balls are hit.
+    """Return typical strokes (racket states) all over the window in which balls are hit, to test whether an arm can make them.
 
-    Positions: dissertation Section 4.5.1. Velocity: the middle of the printed ones.
+    The positions are from the dissertation's Section 4.5.1, and the velocity is the mean of those printed there.
     """
     velocity = np.array([1.2, 0.0, 1.3])
     places = [(x, y, z) for x in (-0.25, -0.05) for y in (0.45, 0.76, 1.07) for z in (0.2, 0.4)]
@@ -62,14 +62,14 @@ def strokes() -> list[RacketState]:
 
 
 def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
-    """Check that the waiting posture touches nothing and that enough of `strokes` can be made.
+    """Check that the waiting posture touches nothing, and that the arm can make enough of the typical strokes.
 
     Args:
         model: The arm.
-        limits: What swings may use.
+        limits: Limits that swings must keep.
 
     Raises:
-        StartupError: The waiting posture is too near to something, or fewer than NEEDED of the strokes can be made.
+        StartupError: The waiting posture is too near to an obstacle, or the share of possible strokes is less than NEEDED.
     """
     left, what = clearance(model.waiting, model.bodies)
     if left < limits.clearance:
@@ -100,15 +100,15 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
 
 
 def check_guard(model: ArmModel, limits: SwingLimits, guard: GuardParams) -> None:
-    """Check that the guard cuts nothing that a swing may use.
+    """Check that the guard, the last check of each command, permits everything that a swing may use.
 
     Args:
         model: The arm.
-        limits: What swings may use.
-        guard: What the guard lets through.
+        limits: Limits that swings must keep.
+        guard: Limits of the guard.
 
     Raises:
-        StartupError: A swing may use more than the guard lets through.
+        StartupError: A limit of the guard is narrower than that of swings.
     """
     allowed, used = guard.of_joints(model), limits.of_joints(model)
     for i, (joint, unit) in enumerate(zip(model.names, used.units, strict=True)):

@@ -1,7 +1,7 @@
-"""How the stroke on its way may be changed for newer candidates: to which of them, how far, and with which posture.
+"""Correct the stroke that the arm now moves for, towards newer candidate strokes.
 
-The best correction goes all the way to the candidate for the same time. Where the arm cannot do that in time, candidates for neighbouring
-times are next, and then half of the way, which leaves less than none.
+The best correction is the whole change to the candidate for the same time. If the arm cannot make it in time, candidates for neighbouring
+times are tried, and then half of the change, after which the remaining error is smaller than without a correction.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from .joints import JointLimits
 from .model import ArmModel
 from .reach import Reach, adjust, reach
 
-NEIGHBOURS = 2  # candidates that are tried before half of the way
-SAME_TIME = 1e-4  # s between two strikes that are at the same time
+NEIGHBOURS = 2  # number of candidates that are tried before half of the change
+SAME_TIME = 1e-4  # s, largest difference between two strikes that count as being at the same time
 
 
 class Correction(NamedTuple):
-    """A change of the stroke on its way.
+    """A changed stroke that may replace the one that the arm now moves for.
 
     Attributes:
-        candidate: Its index.
-        racket: The candidate, or what lies between it and the stroke on its way.
+        candidate: Index of the candidate towards which the stroke is changed.
+        racket: Racket state of the changed stroke: the candidate, or the middle between it and the present stroke.
     """
 
     candidate: int
@@ -33,9 +33,10 @@ class Correction(NamedTuple):
 
 
 def stroke_distance(one: RacketState, other: RacketState) -> float:
-    """Return how far one stroke is from another (m), as it matters for a ball.
+    """Return a measure (m) of the difference between two strokes.
 
-    It is the distance of the face centres at the other one's time, plus what the tilt makes over 2 cm and the speed in 5 ms.
+    It is the distance of the face centres at the time of `other`, plus 0.02 m times the difference of the unit normals, plus 5 ms times the
+    difference of the velocities.
     """
     position = one.position + one.velocity * (other.time - one.time)
     tilt, speed = np.linalg.norm(one.normal - other.normal), np.linalg.norm(one.velocity - other.velocity)
@@ -43,11 +44,15 @@ def stroke_distance(one: RacketState, other: RacketState) -> float:
 
 
 def corrections(rackets: Sequence[RacketState], current: RacketState) -> list[Correction]:
-    """Return the corrections of a stroke, in order of preference.
+    """Return the possible corrections of a stroke, in order of preference.
 
     Args:
-        rackets: The newer candidates.
-        current: The stroke on its way.
+        rackets: Racket states of the newer candidates.
+        current: Racket state of the stroke that the arm now moves for.
+
+    Returns:
+        First the NEIGHBOURS candidates nearest to the current stroke, then half of the change to candidates for the same time, then the
+        other candidates.
     """
     order = sorted(range(len(rackets)), key=lambda i: stroke_distance(current, rackets[i]))
     full = [Correction(i, rackets[i]) for i in order]
@@ -56,20 +61,22 @@ def corrections(rackets: Sequence[RacketState], current: RacketState) -> list[Co
 
 
 def between(current: RacketState, racket: RacketState) -> RacketState:
-    """Return the racket half-way between two strokes at the same time."""
+    """Return the racket state in the middle between two strokes at the same time: mean position, velocity and normal."""
     position, velocity = 0.5 * (current.position + racket.position), 0.5 * (current.velocity + racket.velocity)
     normal = current.normal + racket.normal
     return RacketState.facing(racket.time, position, velocity, normal / np.linalg.norm(normal))
 
 
 def postures(model: ArmModel, racket: RacketState, before: Reach, limits: JointLimits) -> Iterator[Reach]:
-    """Yield postures for a stroke that was changed: with the least change, and with the least joint speeds near the posture before.
+    """Yield two postures for a changed stroke, both near the posture of the stroke before the change.
+
+    The first changes joint positions and speeds as little as possible (`reach.adjust`); the second has the least joint speeds.
 
     Args:
         model: The arm.
-        racket: As wanted now.
-        before: The posture of the stroke before.
-        limits: Of the joints.
+        racket: Racket state of the changed stroke.
+        before: Posture and joint speeds of the stroke before the change.
+        limits: Limits of the joints.
     """
     yield adjust(model, racket, before, limits)
     yield reach(model, racket, before.q, method="near", limits=limits)

@@ -1,6 +1,7 @@
-"""Which of the candidate strokes the arm makes.
+"""Select the candidate stroke that the arm makes.
 
-For each candidate the stages are: racket state -> posture and joint speeds (`reach`) -> swing and its checks (`swing.strike`).
+A stroke is the racket's position, orientation and velocity at one time that returns the ball. For each candidate, `reach` computes posture
+and joint speeds from the racket state, and `swing.strike` plans and checks the swing, the joint motion that makes the stroke.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from .reach import METHODS, Reach, ReachFailure, ReachParams, reach
 from .stroke_correction import corrections, postures
 from .swing import StrikePlan, Swing, SwingLimits, strike
 
-HOPELESS = 0.1  # s too late, from where another posture would hardly be in time
-LEAST_TIME, MOST_TIME = 0.05, 10.0  # s, swing times that postures are searched for
-LESS_SPARE = 0.25  # of the spare time, in the second search: the search knows only nearly what the jerk limit takes
+HOPELESS = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
+LEAST_TIME, MOST_TIME = 0.05, 10.0  # s, bounds of the swing times for which postures are searched
+LESS_SPARE = 0.25  # share of the spare time in the last search; not 0, because the search knows the effect of the jerk limit only roughly
 
 
 @dataclass(frozen=True, slots=True)
 class SelectionParams:
-    """How many of the candidates are tried, and how."""
+    """Parameters of the selection: how many candidate strokes are tried, and how their postures are searched."""
 
     tries: int = param(16, "", "candidates that are tried until one can be made; 1 ms each", low=1, high=100)
     hurried: int = param(12, "", "candidates that are all tried when balls come one soon after the other", low=1, high=100)
@@ -45,19 +46,19 @@ class SelectionParams:
 
 
 class SelectionFailure(Enum):
-    """Why candidates were not tried."""
+    """Codes of failures for candidate strokes that were not tried."""
 
     NOT_TRIED = "candidates {first} to {last}: not tried"
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a candidate is not taken.
+    """Reason why a candidate stroke is not made.
 
     Attributes:
         failure: The reason.
-        index: Of the candidate; None where the reason is not about one candidate.
-        adjusted: Whether the swing on its way was adjusted to this candidate, and no new posture was searched.
+        index: Index of the candidate; None if the reason is not about a single candidate.
+        adjusted: Whether only an adjustment of the present swing to this candidate was tried, without a search for a new posture.
     """
 
     failure: Failure
@@ -73,15 +74,15 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrokeSelection:
-    """A stroke that the arm can make in time, or why there is none.
+    """Result of the selection: the stroke that the arm can make in time with its swing, or the reasons why there is none.
 
     Attributes:
-        index: Of the candidate; None when no candidate can be made.
-        racket: The candidate, or None.
-        reach: Its posture, or None.
-        swing: Its swing, or None.
-        reasons: Why the others that were tried cannot be made, in order.
-        refused: Why none was tried, or None.
+        index: Index of the selected candidate; None if no candidate can be made.
+        racket: Racket state of the selected stroke; None if there is none.
+        reach: Posture and joint speeds at the strike; None if there is none.
+        swing: Swing that makes the stroke; None if there is none.
+        reasons: Why the other candidates that were tried cannot be made, in the order in which they were tried.
+        refused: Why no candidate was tried at all; None if some were.
     """
 
     index: int | None
@@ -93,7 +94,12 @@ class StrokeSelection:
 
     @classmethod
     def none(cls, reasons: Sequence[Refusal], refused: Failure | None = None) -> StrokeSelection:
-        """Return the selection of no candidate."""
+        """Return the result without a stroke.
+
+        Args:
+            reasons: Why the candidates that were tried cannot be made.
+            refused: Why no candidate was tried at all; None if some were.
+        """
         return cls(None, None, None, None, tuple(reasons), refused)
 
 
@@ -107,17 +113,23 @@ def select_stroke(
     current: tuple[RacketState, Reach] | None = None,
     hurried: bool = False,
 ) -> StrokeSelection:
-    """Select the first candidate that the arm can make from `start` in time, within its limits.
+    """Select the first candidate stroke that the arm can make from `start` in time and within its limits.
+
+    If there is a current stroke, it is first corrected towards the candidates (see `stroke_correction`). If that is not possible, new
+    postures are searched.
 
     Args:
         model: The arm.
-        rackets: The candidates, in order of preference. One that is out of reach raises nothing: it is a reason.
-        start: The motion from where the swing begins.
-        limits: What the swing may use.
-        reaching: What the posture search weighs.
+        rackets: Racket states of the candidates, in order of preference. A candidate out of reach raises no error, but becomes a reason.
+        start: State of the joints at which the swing begins.
+        limits: Limits that the swing must keep.
+        reaching: Parameters of the posture search.
         params: How many candidates are tried.
-        current: The stroke on its way, which is corrected where it can be, see `stroke_correction`.
-        hurried: Whether another ball comes soon. Then `select_sooner` may follow, so that as many are tried as it tries.
+        current: Racket state and posture of the stroke that the arm now moves for; None if there is none.
+        hurried: Whether another ball comes soon. If so, up to `params.hurried` candidates are tried instead of `params.tries`.
+
+    Returns:
+        The selected stroke with its swing, or the reasons why there is none.
     """
     reasons: list[Refusal] = []
     if current is not None:
@@ -147,16 +159,19 @@ def select_sooner(
     params: SelectionParams,
     selected: StrokeSelection,
 ) -> StrokeSelection:
-    """Select, of a selection and the candidates after it, the one after which the arm waits again soonest.
+    """Select, among the selected stroke and the candidates after it, the one after which the arm waits for the next ball soonest.
 
     Args:
-        model: See `select_stroke`.
-        rackets: See `select_stroke`.
-        start: See `select_stroke`.
-        limits: See `select_stroke`.
-        reaching: See `select_stroke`.
-        params: See `select_stroke`.
-        selected: The first candidate that the arm can make.
+        model: The arm.
+        rackets: Racket states of the candidates, in order of preference.
+        start: State of the joints at which the swing begins.
+        limits: Limits that the swing must keep.
+        reaching: Parameters of the posture search.
+        params: `params.hurried` is the number of candidates that are tried.
+        selected: Result of `select_stroke` for these candidates; it must have a stroke.
+
+    Returns:
+        `selected`, or the selection of a later candidate whose swing ends earlier.
     """
     first: int = selected.index  # type: ignore[assignment]
     best, end = selected, selected.swing.end_time  # type: ignore[union-attr]
@@ -170,9 +185,10 @@ def select_sooner(
 def _try(
     model: ArmModel, racket: RacketState, start: Joints, limits: SwingLimits, reaching: ReachParams, params: SelectionParams
 ) -> tuple[Reach, StrikePlan]:
-    """Return posture and swing for one candidate; if it comes too late, those of a posture that is in time at any price.
+    """Return posture and swing for one candidate.
 
-    The first posture keeps `params.margin` of the joint speeds; where there is none, and if it comes too late, all of them may be used.
+    The searches of `_efforts` are made one after the other until one has a swing. The first ones keep a margin of the joint speeds, time
+    to spare and a short return; the last one uses all that the limits permit, to be in time.
     """
     left = racket.time - start.time - limits.ramp
     for spare, weight, margin in _efforts(reaching, params):
@@ -193,7 +209,7 @@ def _try(
 
 
 def _efforts(reaching: ReachParams, params: SelectionParams) -> list[tuple[float, float, float]]:
-    """Return time to spare (s), weight of the time home (1/s) and margin of the joint speeds of each search, in turn."""
+    """Return for each search, in turn: time to spare (s), weight of the return time (1/s), share of the joint speeds kept as a margin."""
     usual = params.spare, reaching.return_weight
     with_margin = [(*usual, params.margin)] if params.margin > 0.0 else []
     return [*with_margin, (*usual, 0.0), (LESS_SPARE * params.spare, 0.0, 0.0)]

@@ -1,10 +1,11 @@
-"""When each joint moves: from where it is, through the strike at its instant, slowing down, and back to waiting, as one path.
+"""Plan a swing: the motion of all joints from their present state through the strike at its time and back to the waiting posture.
 
-The loop is that of dissertation Figure 1.9: approach, strike, slow down, return. Slowing down and returning are one leg, in which each
-joint turns back as soon as it can, or two legs with a stop between them where something is in the way. A leg takes one time for all
-joints, with one of the profiles of `trajectory.legs`.
+The strike is the time at which the racket hits the ball. The phases are those of the dissertation's Figure 1.9: approach, strike, slow
+down, return. A leg is a motion in which all joints begin and end together, with one of the profiles of `trajectory.legs`. Slowing down and
+returning are one leg, in which each joint turns back as soon as it can; or two legs with a stop between them, where something is in the
+way of the single leg.
 
-The stages follow each other: approach to the strike, check, return to waiting, check, swing. `plan` calls them.
+`plan` plans the approach to the strike, checks it, plans the return to the waiting posture, and checks that.
 """
 
 from __future__ import annotations
@@ -30,16 +31,16 @@ from .trajectory.profiles import evaluate
 
 __all__ = ["LONGEST_LEG", "PROFILES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
 
-AT_REST = 1e-3  # rad/s, below which a joint may wait where it is
-SOFT = 1.6  # times the least time to slow down: a quintic without acceleration at its ends needs 1.5
+AT_REST = 1e-3  # rad/s, speed below which a joint counts as being at rest
+SOFT = 1.6  # duration of a soft stop over the least time to slow down; a quintic without acceleration at its ends needs 1.5
 
 
 class NoStop(TtError):
     """There is no way to come to rest within LONGEST_LEG.
 
     Attributes:
-        qdot: (n,) rad/s, at the start.
-        qddot: (n,) rad/s^2, at the start.
+        qdot: (n,) rad/s, joint speeds at the start.
+        qddot: (n,) rad/s^2, joint accelerations at the start.
     """
 
     def __init__(self, qdot: Array, qddot: Array) -> None:
@@ -50,16 +51,18 @@ class NoStop(TtError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
-    """A path of all joints over time.
+    """A planned motion of all joints over time, as polynomials: a strike and the return, or only the return to the waiting posture.
 
     Attributes:
-        start: Where it begins.
-        strike_time: s; inf if there is no strike.
-        end_time: s, from when on the arm is at rest.
-        earliest: s, when the strike would have been possible at the earliest; inf if never.
-        reason: Why there is no strike, or None. Without a strike the path only brakes and returns to waiting.
-        knots: (joints, n) s since `start.time`, where the polynomials begin, padded with inf.
-        coefficients: (joints, n, 6) of the polynomials in s since the knot, lowest power first.
+        start: State of the joints at which the motion begins.
+        strike_time: s, time at which the racket hits the ball; inf if there is no strike.
+        end_time: s, time from which on the arm is at rest.
+        earliest: s, earliest time at which the strike would have been possible; inf if it is not possible at any time.
+        reason: Why there is no strike; None if there is one, or if none was asked for. Without a strike the arm only brakes and returns to
+            the waiting posture.
+        knots: (joints, n) s since `start.time`, times at which the polynomials begin, padded with inf.
+        coefficients: (joints, n, 6) coefficients of the polynomials in the time (s) since the knot, lowest power first; positions in rad
+            or m.
     """
 
     start: Joints
@@ -71,12 +74,15 @@ class Swing:
     coefficients: Array = field(repr=False)
 
     def sample(self, time: float) -> tuple[Array, Array]:
-        """Return q (n,) rad and qdot (n,) rad/s at `time` (s). Before the start the motion is straight, after the end it is rest."""
+        """Return joint positions (n,) rad and speeds (n,) rad/s at `time` (s).
+
+        Before the start of the swing the joints move with constant speed; after its end they are at rest.
+        """
         q, qdot, _ = self._at(time)
         return q, qdot
 
     def joints(self, time: float) -> Joints:
-        """Return the motion at `time` (s) with the acceleration, from where another swing can take over."""
+        """Return the state of the joints at `time` (s), with accelerations, so that another swing can start from it."""
         return Joints(time, *self._at(time))
 
     def _at(self, time: float) -> tuple[Array, Array, Array]:
@@ -86,10 +92,10 @@ class Swing:
         return q, qdot, qddot
 
     def table(self, step: float) -> tuple[Array, Array, Array]:
-        """Sample the swing every `step` (s), and at strike and end.
+        """Sample the swing every `step` (s), and also at the strike and at the end.
 
         Returns:
-            Times (n,) s since `start.time`, q (n, joints) and qdot (n, joints).
+            Times (n,) s since `start.time`, positions (n, joints) rad and speeds (n, joints) rad/s.
         """
         end = self.end_time - self.start.time
         times = np.unique(np.append(np.arange(0.0, end, step), [end, min(end, self.strike_time - self.start.time)]))
@@ -98,46 +104,67 @@ class Swing:
 
 
 class Task(NamedTuple):
-    """Whose swing is planned, and within which limits."""
+    """The arm for which a swing is planned, and the limits that the swing must keep.
+
+    Attributes:
+        model: The arm.
+        limits: Parameters that limit swings.
+        joints: Limits of the joints that follow from both.
+    """
 
     model: ArmModel
     limits: SwingLimits
-    joints: JointLimits  # those that the limits leave
+    joints: JointLimits
 
     @classmethod
     def of(cls, model: ArmModel, limits: SwingLimits) -> Task:
-        """Return the task for an arm and its limits."""
+        """Return the task for an arm and the parameters that limit its swings."""
         return cls(model, limits, limits.of_joints(model))
 
     def new_path(self) -> Path:
-        """Return an empty path within these limits."""
+        """Return an empty path, to which legs within these limits can be appended."""
         return Path(self.joints.bounds, self.limits.profile)
 
     def is_moving(self, qdot: Array, qddot: Array) -> bool:
-        """Return whether an arm with qdot (n,) rad/s moves, or will when its qddot (n,) rad/s^2 is reduced to zero."""
+        """Return whether the arm moves, or will move while its acceleration is reduced to zero.
+
+        Args:
+            qdot: (n,) rad/s, joint speeds.
+            qddot: (n,) rad/s^2, joint accelerations.
+        """
         return bool((np.abs(qdot) + 0.5 * qddot**2 / self.joints.jerk).max() > AT_REST)
 
 
 class StrikePlan(NamedTuple):
-    """What came of planning a strike."""
+    """Result of planning a strike: the swing, or the reason why there is none.
+
+    Attributes:
+        swing: The swing with the strike; None if it is not possible.
+        earliest: s, earliest time at which the strike is possible; inf if it is not possible at any time.
+        failure: Why there is no swing; None if there is one.
+    """
 
     swing: Swing | None
-    earliest: float  # s, when the strike is possible at the earliest; inf if never
-    failure: Failure | None  # why there is no swing
+    earliest: float
+    failure: Failure | None
 
 
 def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: float, limits: SwingLimits | None = None) -> Swing:
-    """Plan the swing that has the joints at target.q with target.qdot at `strike_time`, and then waits for the next ball.
+    """Plan the swing in which the joints have the positions and speeds of `target` at `strike_time`, and then return to wait.
 
-    A start at rest is held as long as an unhurried approach allows. A moving start has no jump in position or speed, nor in acceleration
-    but with the profile "polyline".
+    If the arm is at rest at the start, it waits there as long as an unhurried approach permits. If it moves, position and speed continue
+    without a jump, and so does the acceleration except with the profile "polyline". If the strike is not possible, the swing only returns
+    to the waiting posture.
 
     Args:
         model: The arm.
-        start: Where the swing begins; its speeds must be within the limits.
-        target: Posture and speeds at the strike; None only returns to waiting.
-        strike_time: s.
-        limits: What the swing may use.
+        start: State of the joints at which the swing begins. Speeds and accelerations beyond the limits are cut to them.
+        target: Joint positions and speeds at the strike; None to return to the waiting posture without a strike.
+        strike_time: s, time of the strike.
+        limits: Limits that the swing must keep; None for the default.
+
+    Returns:
+        The swing. Its `reason` tells why it has no strike.
 
     Raises:
         BadShape: Start or target have another number of joints.
@@ -158,14 +185,17 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
 
 
 def strike(model: ArmModel, start: Joints, target: Reach, strike_time: float, limits: SwingLimits) -> StrikePlan:
-    """Plan a strike, as `plan` does, without the way home of an arm that makes none.
+    """Plan a swing with a strike as `plan` does, but plan no return to the waiting posture if the strike is not possible.
 
     Args:
         model: The arm.
-        start: Where the swing begins; its speeds must be within the limits.
-        target: Posture and speeds at the strike.
-        strike_time: s.
-        limits: What the swing may use.
+        start: State of the joints at which the swing begins. Speeds and accelerations beyond the limits are cut to them.
+        target: Joint positions and speeds at the strike.
+        strike_time: s, time of the strike.
+        limits: Limits that the swing must keep.
+
+    Returns:
+        The swing, or the reason why there is none.
     """
     task = Task.of(model, limits)
     return _strike(task, _within_limits(task, start), target, strike_time)
@@ -192,7 +222,10 @@ def _strike(task: Task, start: Joints, target: Reach, strike_time: float) -> Str
 
 
 def _approach(task: Task, leg: Leg, time: float, shortest: float) -> tuple[Path, Failure | None]:
-    """Return the approach of `time` (s), unhurried if that is possible, otherwise as quick as possible, and the limit that it breaks."""
+    """Return the approach, which arrives after `time` (s), and the reason why it is not possible, or None.
+
+    A slow (unhurried) approach is tried first, then the shortest one, whose duration is `shortest` (s).
+    """
     moving = task.is_moving(leg["v0"], leg["a0"])
     failure: Failure | None = None
     for hurry in (task.limits.unhurried, 1.0):
@@ -211,9 +244,10 @@ def _approach(task: Task, leg: Leg, time: float, shortest: float) -> tuple[Path,
 
 
 def _return_path(task: Task, q: Array, qdot: Array, qddot: Array) -> tuple[Path, Failure | None]:
-    """Return the first way to waiting that breaks no limit: at once, by a soft stop, or by the shortest stop.
+    """Return the path to the waiting posture, and None, or the limit that it breaks.
 
-    If there is none: the last one, and the limit that it breaks.
+    Three ways are tried until one keeps all limits: without a stop, with a soft stop, and with the shortest stop. If none does, the last
+    one is returned.
     """
     for softly in (None, SOFT, 1.0):
         path = task.new_path()
@@ -225,13 +259,13 @@ def _return_path(task: Task, q: Array, qdot: Array, qddot: Array) -> tuple[Path,
 
 
 def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> bool:
-    """Append slowing down, returning and waiting.
+    """Append to a path the legs that slow down and return to the waiting posture, and rest there.
 
     Args:
-        path: What is there so far.
-        task: The arm and its limits.
-        leg: From the motion at the start to waiting.
-        softly: Duration of a stop on the way, in its least times; None for no stop.
+        path: The path so far, to which the legs are appended.
+        task: The arm and the limits of the swing.
+        leg: Ends of the motion: the state of the joints at the end of `path`, and the waiting posture.
+        softly: Duration of a stop on the way, as a multiple of the least time to slow down; None for no stop.
 
     Returns:
         Whether there is such a way within LONGEST_LEG. Where there is none, the path ends with the stop.
@@ -250,7 +284,10 @@ def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> boo
 
 
 def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]:
-    """Return duration (s) and leg of a stop: the first that is possible, which ends halfway between going on and stopping at once."""
+    """Return duration (s) and leg of the shortest possible stop, at least `softly` times the least time to slow down.
+
+    During the stop each joint moves by half of the distance that it would move at its present speed. Raises NoStop.
+    """
     q0, v0, a0 = leg["q0"], leg["v0"], leg["a0"]
     time = float((softly * np.abs(v0) / task.joints.acceleration).max())
     while time < LONGEST_LEG:
@@ -262,7 +299,7 @@ def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]
 
 
 def _within_limits(task: Task, start: Joints) -> Joints:
-    """Return the start with speeds and accelerations within the limits, and without acceleration where none is kept."""
+    """Return the start with speeds and accelerations cut to the limits; without acceleration for "polyline" or an arm at rest."""
     check_array("start.q", start.q, (len(task.model.names),))
     speed, acceleration = task.joints.speed, task.joints.acceleration
     qdot, qddot = np.clip(start.qdot, -speed, speed), np.clip(start.qddot, -acceleration, acceleration)

@@ -1,4 +1,4 @@
-"""The dissertation's own prediction, for comparison: RK4 on a time grid, every event at the first step past it (Section 4.5.1)."""
+"""The dissertation's own prediction of the path, for comparison: RK4 on a time grid, with events at grid times only (Section 4.5.1)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LIU_STEP = 1.0 / 1200.0  # s, dissertation Section 4.5.1
 
 @njit(cache=True)
 def _rk4(state: Array, h: float, air: AirCoefficients, k: Array, v: Array) -> None:
-    """Take one step of h seconds by (4.59)-(4.61), in place. k (4, 3) and v (4, 3) are scratch."""
+    """Integrate state (9,) by one RK4 step of h seconds (4.59)-(4.61), in place. k (4, 3) and v (4, 3) are scratch memory."""
     position, velocity, spin = state[POSITION], state[VELOCITY], state[SPIN]
     for i in range(4):
         part = 0.0 if i == 0 else h if i == 3 else 0.5 * h
@@ -47,10 +47,22 @@ def _rk4(state: Array, h: float, air: AirCoefficients, k: Array, v: Array) -> No
 def walk_stepped(
     start: float, state: Array, stop: StopCondition, physics: PhysicsCoefficients, rows: Array, bounce_rows: Rows
 ) -> tuple[int, int, int]:
-    """Do as `tt_core.events.walk` does, by the dissertation's scheme.
+    """Integrate flight and bounces until the path ends, as `tt_core.events.walk` does, but by the dissertation's scheme.
 
-    The scheme is RK4 with steps of LIU_STEP and constant spin. An event takes place at the first step past it. The ball touches the table
-    in the first step that ends with z <= contact height, wherever that is. Net and edge are no obstacles.
+    The scheme is RK4 with steps of LIU_STEP and constant spin. Each event takes place at the end of the step in which it happens. The ball
+    touches the table at the end of the first step in which its centre falls to the contact height, although it may be lower by then. Net
+    and table edge are ignored.
+
+    Args:
+        start: s, time of the first row.
+        state: (9,) ball at the start: position m, velocity m/s, spin rad/s in `table`.
+        stop: Condition at which the path ends.
+        physics: Models of air and table.
+        rows: (n, 10) output: filled with time s and state of each point. Two rows with the same time are a bounce.
+        bounce_rows: (MOST_BOUNCES,) output: filled with the index of the second row of each bounce.
+
+    Returns:
+        The number of rows, the number of bounces, and the END_... constant of `tt_core.events` that tells why the path ends.
     """
     k, v = np.empty((4, 3)), np.empty((4, 3))
     now, last = state.copy(), state.copy()
@@ -91,5 +103,19 @@ def walk_stepped(
 def walk_stepped_entry(
     start: float, state: Array, kind: int, x: float, longest: float, physics: Array, rows: Array, bounce_rows: Rows
 ) -> tuple[int, int, int]:
-    """Call `walk_stepped` from Python, as `tt_core.events.walk_entry` calls `walk`."""
+    """Call `walk_stepped` from Python with plain numbers and arrays.
+
+    Args:
+        start: s, time of the first row.
+        state: (9,) ball at the start: position m, velocity m/s, spin rad/s in `table`.
+        kind: Kind of StopCondition.
+        x: m, x of StopCondition.
+        longest: s, longest duration of StopCondition.
+        physics: (19,) `Physics.coefficients`.
+        rows: (n, 10) output: filled with time s and state of each point. Two rows with the same time are a bounce.
+        bounce_rows: (MOST_BOUNCES,) output: filled with the index of the second row of each bounce.
+
+    Returns:
+        The number of rows, the number of bounces, and the END_... constant of `tt_core.events` that tells why the path ends.
+    """
     return walk_stepped(start, state, StopCondition(kind, x, longest), physics_coefficients(physics), rows, bounce_rows)

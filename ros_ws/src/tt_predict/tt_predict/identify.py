@@ -1,12 +1,13 @@
-"""Coefficients of air and table from recorded flights, (3.29): ros2 run tt_predict identify BAG_OR_FOLDER.
+"""Identify coefficients of air and table from recorded flights, (3.29): ros2 run tt_predict identify BAG_OR_FOLDER.
 
-The cost is the sum over flights of the mean squared distance between recorded and predicted positions (3.29). The dissertation takes the
-start of each flight from its high-speed cameras. Here position and velocity at the start are fitted to the points of the flight, for every
-trial of the coefficients (variable projection). Only points before the bounce are used, unless a coefficient of the table is asked for.
+The cost is the sum over flights of the mean squared distance between recorded and predicted positions (3.29). The dissertation measures
+the start of each flight with its high-speed cameras. Here position and velocity at the start are fitted to the points of the flight, for
+every trial of the coefficients (variable projection). Only points before the bounce are used, unless a coefficient of the table is asked
+for.
 
-The spin is the measured one. Where none was measured, one topspin for each group of equal launches is fitted with the coefficients. Such
-flights determine only the product of C_M and spin, and the interval of C_M shows it. Intervals count flights, not points, because the
-errors within a flight are correlated.
+The spin is the measured one. If it was not measured, one topspin for each group of equal launches is fitted together with the coefficients.
+Such flights determine only the product of the lift coefficient C_M and the spin, so the confidence interval of C_M is wide. The intervals
+are computed from the number of flights, not of points, because the errors within a flight are correlated.
 """
 
 from __future__ import annotations
@@ -45,26 +46,26 @@ __all__ = [
     "write_parameters",
 ]
 
-SPIN_UNIT = 100.0  # rad/s, scales the fit
-MOST_SPIN = 1000.0  # rad/s
-SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins that the fit may start from; at 0 (3.3) jumps
-START_CORRECTIONS = 3  # of the start of a flight, the first time
-MORE_CORRECTIONS = 2  # from the start that was found with the last coefficients
+SPIN_UNIT = 100.0  # rad/s, scale of the spins in the fit
+MOST_SPIN = 1000.0  # rad/s, bound of the fitted spins
+SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins to start from; (3.3) is not continuous at 0
+START_CORRECTIONS = 3  # number of Gauss-Newton steps with which the start of a flight is fitted for the first time
+MORE_CORRECTIONS = 2  # number of steps from the start that was found with the previous coefficients
 _AT_TIME = int(StopKind.TIME)
 _TINY = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4])  # m, m/s: differences for the Jacobian by the start
 
 
 @njit(cache=True)
 def _positions_entry(state: Array, times: Array, physics: Array, rows: Array, bounce_rows: Rows, out: Array) -> None:
-    """Fill positions of the ball at given times, through bounces; after the end of the path, the end.
+    """Compute the positions of the ball at given times, through bounces. After the end of the path they are its last position.
 
     Args:
-        state: (9,) the ball at the first of `times`.
-        times: (n,) s, rising.
+        state: (9,) state of the ball at the first of `times`.
+        times: (n,) s, increasing.
         physics: (19,) `Physics.coefficients`.
-        rows: (m, 10) scratch for the path.
-        bounce_rows: (MOST_BOUNCES,) scratch.
-        out: (n, 3) m, filled.
+        rows: (m, 10) scratch memory for the path.
+        bounce_rows: (MOST_BOUNCES,) scratch memory.
+        out: (n, 3) m, output: filled with the positions.
     """
     stop = StopCondition(_AT_TIME, 0.0, times[-1] - times[0] + 1e-9)
     n, _, _ = walk(times[0], state, stop, physics_coefficients(physics), rows, bounce_rows)
@@ -81,7 +82,7 @@ def _positions_entry(state: Array, times: Array, physics: Array, rows: Array, bo
 
 
 class Predictor:
-    """Predicts positions of a ball at given times with one set of coefficients."""
+    """Predictor of the positions of a ball at given times, for one set of coefficients."""
 
     def __init__(self, physics: Physics) -> None:
         """Keep the models and memory for one path."""
@@ -89,23 +90,31 @@ class Predictor:
         self._rows, self._bounce_rows = np.empty((4096, 10)), np.empty(MOST_BOUNCES, np.int64)
 
     def positions(self, state: Array, times: Array) -> Array:
-        """Return positions (n, 3) m at `times` (n,) s of a ball whose state (9,) at the first of them is given."""
+        """Predict the positions of a ball, through bounces.
+
+        Args:
+            state: (9,) state at the first of `times`: position m, velocity m/s, spin rad/s in `table`.
+            times: (n,) s, increasing.
+
+        Returns:
+            (n, 3) m in `table`. After the end of the path, for example at the floor, they are its last position.
+        """
         out = np.empty((len(times), 3))
         _positions_entry(state, times, self._physics, self._rows, self._bounce_rows, out)
         return out
 
     def start(self, flight: Flight, spin: Array, points: int, guess: Array | None = None, corrections: int = START_CORRECTIONS) -> Array:
-        """Fit the start of a flight to its first points, by Gauss and Newton.
+        """Fit position and velocity at the start of a flight to its first points by the Gauss-Newton method.
 
         Args:
-            flight: As recorded.
-            spin: (3,) rad/s at the start.
-            points: How many points are used.
-            guess: (9,) a state near the start; None for a parabola through the first points.
-            corrections: How often the start is corrected.
+            flight: Recorded points of the ball.
+            spin: (3,) rad/s in `table`, spin at the start, which is not changed.
+            points: Number of points that are used.
+            guess: (9,) state from which the fit starts, its spin ignored; None to start from a parabola through the first points.
+            corrections: Number of Gauss-Newton steps.
 
         Returns:
-            (9,) the state at the flight's first time.
+            (9,) state at the flight's first time: position m, velocity m/s, spin rad/s in `table`.
         """
         times, seen = flight.times[:points], flight.positions[:points]
         state = np.concatenate([first_guess(flight) if guess is None else guess[:6], spin])
@@ -121,7 +130,7 @@ class Predictor:
 
 
 def first_guess(flight: Flight) -> Array:
-    """Return position and velocity (6,) at the start of a flight, from a parabola through its first 20 points."""
+    """Return position (m) and velocity (m/s) at the start of a flight as one array (6,), from a parabola fitted to its first 20 points."""
     t, n = flight.times - flight.times[0], min(len(flight.times), 20)
     line = np.polynomial.polynomial.polyfit(t[:n], flight.positions[:n], 2)
     return np.concatenate([line[0], line[1]])
@@ -129,15 +138,16 @@ def first_guess(flight: Flight) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identified:
-    """Coefficients that were found.
+    """Coefficients of air and table that were identified from recorded flights.
 
     Attributes:
-        physics: The models with the values found.
-        names: What was fitted, "air.drag" and the like.
-        values: (n,) of these.
-        intervals: (n,) half the width of their 95 % intervals.
-        spins: rad/s, the topspin (-w_y) found for each group without a measured one, and half the width of its 95 % interval.
-        rms: m, root mean square distance of all points before and after the fit.
+        physics: Models with the identified values.
+        names: Names of the n fitted coefficients, for example "air.drag".
+        values: (n,) identified values, in the units of the coefficients.
+        intervals: (n,) half the widths of their 95 % confidence intervals.
+        spins: For each group of flights without a measured spin: the fitted topspin (-w_y), and half the width of its 95 % confidence
+            interval, in rad/s.
+        rms: Root mean square distance in m between predicted and recorded positions, before the fit and after it.
     """
 
     physics: Physics
@@ -148,26 +158,26 @@ class Identified:
     rms: tuple[float, float]
 
     def spin(self, flight: Flight) -> Array:
-        """Return the spin (3,) rad/s of a flight: as measured, or as found for its group."""
+        """Return the spin (3,) rad/s in `table` at the start of a flight: the measured one, or else the one fitted for its group."""
         return flight.spin if flight.spin is not None else _topspin(self.spins[flight.group][0])
 
 
 def _topspin(value: float) -> Array:
-    """Return the spin (3,) of a topspin (rad/s) of a ball that flies to -x."""
+    """Return the spin vector (3,) rad/s for an amount of topspin (rad/s) of a ball that flies to -x."""
     return np.array([0.0, -value, 0.0])
 
 
 class _Fit:
     """The least squares problem: residuals of all flights as a function of coefficients and spins.
 
-    Its unknowns are the values of the coefficients, then one topspin for each group without a measured spin, each over its scale.
+    The unknowns are the values of the coefficients, then one topspin for each group without a measured spin, each divided by its scale.
 
     Attributes:
-        flights: With the points that are used.
-        names: Of the coefficients.
+        flights: Flights with the points that are used.
+        names: Names of the coefficients.
         groups: Names of the groups without a measured spin.
-        scale: (n,) of the unknowns.
-        weights: (m,) of all coordinates: each flight counts the same.
+        scale: (n,) scales of the unknowns.
+        weights: (m,) weights of all coordinates, such that each flight has the same weight.
     """
 
     def __init__(self, flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None]) -> None:
@@ -179,7 +189,12 @@ class _Fit:
         self._trials, self._tell = 0, tell
 
     def misses(self, physics: Physics, topspins: Array) -> list[Array]:
-        """Return predicted minus recorded coordinates of each flight in m, from the start that fits it best."""
+        """Return predicted minus recorded coordinates in m for each flight, after its start was fitted.
+
+        Args:
+            physics: Models of air and table.
+            topspins: rad/s, one for each group without a measured spin.
+        """
         predictor, out = Predictor(physics), []
         for i, flight in enumerate(self.flights):
             spin = flight.spin if flight.spin is not None else _topspin(topspins[self.groups.index(flight.group)])
@@ -190,7 +205,7 @@ class _Fit:
         return out
 
     def first_topspins(self) -> Array:
-        """Return for each group the topspin of SPINS, in rad/s, that fits its flights best."""
+        """Return for each group without a measured spin the element of SPINS (rad/s) that fits its flights best."""
         cost = np.zeros((len(SPINS), len(self.groups)))
         for row, spin in zip(cost, SPINS, strict=True):
             for flight, miss in zip(self.flights, self.misses(self.physics, np.full(len(self.groups), spin)), strict=True):
@@ -199,18 +214,18 @@ class _Fit:
         return np.array(SPINS)[np.argmin(cost, axis=0)]
 
     def first(self) -> Array:
-        """Return the unknowns (n,) from which the fit starts."""
+        """Return the unknowns (n,), scaled coefficients and topspins, from which the fit starts."""
         topspins = self.first_topspins() if self.groups else np.zeros(0)
         return np.concatenate([[coefficient(self.physics, name) for name in self.names], topspins]) / self.scale
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the least and the largest unknowns (n,)."""
+        """Return the lower and the upper bounds (n,) of the unknowns, the scaled coefficients and topspins."""
         ranges = [RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
         low, high = np.array(ranges).T / self.scale
         return low, high
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return the weighted misses (m,) of all flights, and tell the trial."""
+        """Return the weighted residuals (m,) of all flights for scaled coefficients and topspins (n,), and report the trial."""
         values, count = unknowns * self.scale, len(self.names)
         misses = np.concatenate(self.misses(with_coefficients(self.physics, self.names, values[:count]), values[count:]))
         self._trials += 1
@@ -218,11 +233,16 @@ class _Fit:
         return self.weights * misses
 
     def rms(self, residuals: Array) -> float:
-        """Return the root mean square distance in m of all points."""
+        """Return the root mean square distance in m between predicted and recorded points, from weighted residuals (m,)."""
         return float(np.sqrt(3.0 * np.mean((residuals / self.weights) ** 2)))
 
     def covariance(self, jacobian: Array, residuals: Array) -> Array:
-        """Return the covariance (n, n) by the sandwich rule, each flight one observation (Liang and Zeger 1986)."""
+        """Return the covariance (n, n) of the unknowns by the sandwich estimator, with each flight as one observation (Liang, Zeger 1986).
+
+        Args:
+            jacobian: (m, n) derivatives of the weighted residuals by the unknowns.
+            residuals: (m,) weighted residuals.
+        """
         bread = np.linalg.pinv(jacobian.T @ jacobian)
         cuts = np.cumsum([3 * len(flight.times) for flight in self.flights])[:-1]
         scores = np.array([j.T @ r for j, r in zip(np.split(jacobian, cuts), np.split(residuals, cuts), strict=True)])
@@ -233,20 +253,22 @@ class _Fit:
 def identify(
     flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None] = lambda trial, rms: None
 ) -> Identified:
-    """Fit coefficients to flights.
+    """Fit coefficients of air and table to recorded flights.
+
+    Points after the bounce are used only if a coefficient of the table is fitted.
 
     Args:
-        flights: As recorded.
-        physics: The models to start from.
-        names: Of the coefficients, "air.drag" and the like. If there are none, only spins are fitted.
-        tell: Called with the number of each trial and its root mean square distance in m.
+        flights: Recorded flights.
+        physics: Models from which the fit starts.
+        names: Names of the coefficients to fit, for example "air.drag". If it is empty, only the unmeasured spins are fitted.
+        tell: Callback for progress. It gets the number of each trial and its root mean square distance in m.
 
     Returns:
-        The coefficients with their intervals.
+        The identified coefficients with their confidence intervals.
 
     Raises:
         NoFlights: There is no flight.
-        BadChoice: A name is not one of a coefficient.
+        BadChoice: A name is not that of a coefficient.
     """
     if not flights:
         raise NoFlights
@@ -267,12 +289,14 @@ def identify(
 
 
 def write_parameters(found: Identified, base: str, path: Path) -> None:
-    """Write a ROS parameter file for all nodes that use the models, which launch files take as `more_params_file:=`.
+    """Write the identified coefficients to a ROS parameter file for all nodes that use the models.
+
+    Launch files take it by the argument `more_params_file:=`.
 
     Args:
-        found: The coefficients.
-        base: Name of the models that they belong to, "liu" or "measured".
-        path: Where the file goes.
+        found: The identified coefficients.
+        base: Name of the models from which the fit started, "liu" or "measured".
+        path: Path of the file to write.
     """
     lines = [f"# identified; behind each value half the width of its 95 % interval; rms {1e3 * found.rms[1]:.2f} mm"]
     values = [f"    {n}: {float(v)!r} # {h:.2g}" for n, v, h in zip(found.names, found.values, found.intervals, strict=True)]
@@ -286,7 +310,7 @@ tt_bringup sim.launch.yaml more_params_file:=identified.yaml", or to one node wi
 
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
-    """Return the options of the command line, or of `words`."""
+    """Parse the options of the command line, or of `words` if these are given."""
     parser = argparse.ArgumentParser(prog="identify", description="Fit coefficients of air and table to recorded flights.", epilog=EPILOG)
     parser.add_argument("source", type=Path, help="a bag (a folder, *.mcap, *.db3 or *.bag), or a folder of *.hdf5 of the aimy launcher")
     parser.add_argument("--topic", default="/ball/state", help="nav_msgs/Odometry of the ball in a bag (default %(default)s)")
@@ -299,7 +323,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line; return its exit code."""
+    """Run the command `identify` with the options of the command line, or with `words`; return its exit code, 2 after an error."""
     from rich.console import Console
     from rich.table import Table
 

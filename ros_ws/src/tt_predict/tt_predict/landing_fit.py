@@ -1,4 +1,4 @@
-"""Coefficients of the air from shots whose state after the hit and whose first bounce are known."""
+"""Identify coefficients of the air from shots for which the ball's state after the hit and its first bounce are known."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ LANDING_SPREADS = {
     "air.drag": 0.3,
     "air.lift_ratio": 0.5,
     "air.ratio_offset": 1.0,
-}  # standard deviations before anything is seen, as shares
-OTHER_SPREAD = 0.3  # of other coefficients
-LOST = 10.0  # m, and s: miss of a ball that does not come down
-LEAST_MISS = np.array([1e-4, 1e-4, 1e-5])  # m, m, s: of a residual that is told from rounding
-SCALINGS = 3  # fits, each in units of the residuals of the one before
+}  # prior standard deviations, as shares of the coefficients
+OTHER_SPREAD = 0.3  # prior standard deviation of other coefficients, as a share
+LOST = 10.0  # m and s: residual of a ball that does not come down to the table
+LEAST_MISS = np.array([1e-4, 1e-4, 1e-5])  # m, m, s: least unit of the residuals, above their rounding errors
+SCALINGS = 3  # number of fits; each uses the median residuals of the previous one as units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """Coefficients that were found from shots and their first bounces.
+    """Coefficients of the air that were identified from shots and their first bounces.
 
     Attributes:
-        physics: The models with the values found.
-        names: What was fitted, "air.drag" and the like.
-        values: (n,) of these.
-        intervals: (n,) half the width of their 95 % intervals.
-        errors: m, median distance between predicted and recorded bounces before and after the fit.
+        physics: Models with the identified values.
+        names: Names of the n fitted coefficients, for example "air.drag".
+        values: (n,) identified values, in the units of the coefficients.
+        intervals: (n,) half the widths of their 95 % confidence intervals.
+        errors: Median distance in m between predicted and recorded bounces, before the fit and after it.
     """
 
     physics: Physics
@@ -48,14 +48,14 @@ class Identification:
 
 
 class BadLandings(TtError):
-    """Shots and bounces that do not belong together."""
+    """The numbers of shots, bounces and times differ, or a bounce is not within 5 s after its shot."""
 
 
 @njit(cache=True)
 def _land_entry(states: Array, physics: Array, out: Array) -> None:
-    """Fill out (n, 3) with x and y in m and the time in s after the start at which balls (n, 9) come down to their contact height.
+    """Fill out (n, 3) with x and y in m and the time in s after the start at which balls (n, 9) come down to the contact height.
 
-    Net and edges are no obstacle: the shots are known to have met the table first. NaN for a ball that does not come down.
+    Net and table edges are ignored, because the shots are known to have met the table first. A row is NaN if its ball does not come down.
     """
     models = physics_coefficients(physics)
     air, contact, work, now, end = models.air, models.contact_height, np.empty((8, 3)), np.empty(9), np.empty(9)
@@ -81,22 +81,22 @@ def identify_landings(
     physics: Physics | None = None,
     names: Sequence[str] = ("air.drag", "air.lift_ratio", "air.ratio_offset"),
 ) -> Identification:
-    """Fit drag and lift to shots whose state after the hit and whose first bounce are known.
+    """Fit coefficients of the air to shots for which the ball's state after the hit and its first bounce are known.
 
-    The fit is least squares of place and time of the bounce, each in units of its own median residual, with a loss that grows linearly
-    (soft L1), so that wrong pairs count little. Coefficients that the shots hardly determine stay near those of `physics`
-    (LANDING_SPREADS). The first bounce does not depend on the table, so nothing about the table can be found here; flights that were seen
-    beyond it tell, see `identify`.
+    The residuals of the least squares fit are place and time of the bounce, each in units of its own median residual. The loss function
+    grows linearly for large residuals (soft L1), so that wrong pairs have little influence. Coefficients that the shots hardly determine
+    stay near those of `physics`, because of the prior standard deviations in LANDING_SPREADS. The first bounce does not depend on the
+    coefficients of the table; `identify` fits those, to flights that were recorded beyond the bounce.
 
     Args:
-        states: Each ball after the hit, or an array (n, 9) of position, velocity, spin at the time 0.
-        landings: (n, 2) or (n, 3) m, the ball's centre at its first bounce.
-        times: (n,) s of these bounces, on the clock of the states.
-        physics: The models to start from; None for `Physics.measured()`.
-        names: Of the coefficients of the air.
+        states: State of each ball just after the hit; or an array (n, 9) of position m, velocity m/s, spin rad/s in `table` at the time 0.
+        landings: (n, 2) or (n, 3) m in `table`, the ball's centre at its first bounce.
+        times: (n,) s, times of these bounces, on the clock of the states.
+        physics: Models from which the fit starts; None for `Physics.measured()`.
+        names: Names of the coefficients of the air to fit.
 
     Returns:
-        The coefficients with their intervals.
+        The identified coefficients with their confidence intervals.
 
     Raises:
         NoFlights: There is no pair.

@@ -1,4 +1,4 @@
-"""Where a recorded ball met the table."""
+"""Find place and time at which a recorded ball met the table."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ from tt_core.constants import BALL_RADIUS
 
 from .recordings import Flight
 
-NEAR_TABLE = 0.1  # m, height of the lowest point of an arc that ends on the table
-BEYOND = 0.03  # s after the last point in which a landing is extrapolated
+NEAR_TABLE = 0.1  # m, largest height of the lowest recorded point near a bounce
+BEYOND = 0.03  # s, longest time after the lowest recorded point for which a landing is extrapolated
 
 
 class Landing(NamedTuple):
-    """Where and when a ball met the table: time in s, place (2,) in m."""
+    """Contact of a ball with the table: time in s, and place (2,), x and y of the ball's centre in m in `table`."""
 
     time: float
     place: Array
 
 
 def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> Landing | None:
-    """Find where and when a recorded ball bounced.
+    """Find place and time at which a recorded ball bounced for the first time.
 
-    The bounce is where the arcs before and after the lowest point meet. Without an arc after it, the bounce is where the arc before it
-    comes to the contact height, at most BEYOND later. Arcs are parabolas through 10 and 8 points.
+    A parabola is fitted to the last 10 points before the lowest recorded point, and one to the 8 points after it. The bounce is where both
+    parabolas meet. If there are fewer than 6 points after the lowest one, the bounce is where the first parabola comes down to
+    `contact_height`, at most BEYOND seconds after the lowest point.
 
     Args:
-        flight: As recorded.
-        contact_height: m, of the ball's centre at the bounce.
+        flight: The recorded points of the ball.
+        contact_height: m, height of the ball's centre above the table at the bounce.
 
     Returns:
-        The landing, or None if no bounce was recorded.
+        The landing, or None if no bounce is found in the points.
     """
     z = flight.positions
     low = [i for i in range(3, len(z)) if z[i, 2] < NEAR_TABLE and z[i, 2] == z[i - 3 : i + 4, 2].min()]
@@ -56,7 +57,7 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> Landing | No
 
 
 def up_to_landing(flight: Flight) -> Flight:
-    """Return the flight up to its recorded bounce, or all of it if none was recorded."""
+    """Return the points of a flight before its first recorded bounce; all points if no bounce was recorded."""
     bounce = landing(flight)
     n = int(np.searchsorted(flight.times, bounce.time)) if bounce else len(flight.times)
     return Flight(flight.group, flight.times[:n], flight.positions[:n], flight.spin)

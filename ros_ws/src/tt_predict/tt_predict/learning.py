@@ -1,9 +1,10 @@
-"""Coefficients that are learnt from ball to ball, from flights and from returns.
+"""Learn the coefficients of the models from ball to ball, from incoming flights and from returns.
 
-What is learnt are the logarithms of the factors of `tt_core.factors`, one normal distribution of all seven (Kalman filter). A flight tells
-the first five: the tracker has them with every ball. A return tells those of the rubber: the ball after the racket is expected from the
-ball before it and the racket, and compared with what the cameras see of the return. Each ball differs from its session, so none is trusted
-too far; an observation that does not fit is left out.
+The learnt quantities are the logarithms of the seven factors of `tt_core.factors`, by which the coefficients are multiplied. They have a
+common normal distribution, which a Kalman filter updates. An incoming flight gives information on the first five, which the tracker
+estimates with every ball. A return gives information on the two factors of the rubber: the ball after the contact is predicted from the
+ball before it and the racket, and compared with the ball that the cameras see. A single ball differs from the others of its session, so
+the filter also has a spread from ball to ball. An observation that is too far from its expectation is not used.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState
 
 OF_RUBBER = slice(OF_BALL, len(FACTORS))
-STEPS = np.concatenate([np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)])  # differences of ball and racket, SI
-FACTOR_STEP = 1e-4  # difference of the logarithm of a factor
-SLOWEST = 0.5  # m/s, of ball and racket towards each other: below it there is no stroke
+STEPS = np.concatenate([np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)])  # steps of finite differences, ball and racket, SI units
+FACTOR_STEP = 1e-4  # step of finite differences, logarithm of a factor
+SLOWEST = 0.5  # m/s, least approach speed of ball and racket; a slower contact is not used
 
 
 @dataclass(frozen=True)
 class LearningParams:
-    """How coefficients differ, and how fast and how far they are learnt."""
+    """Parameters of the learning: how much the coefficients differ between sessions and balls, and how fast and how far they are learnt."""
 
     session_spreads: tuple[float, ...] = param(
         (0.04, 0.10, 0.01, 0.05, 0.08, 0.03, 0.04),
@@ -64,11 +65,12 @@ class LearningParams:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedReturn:
-    """The ball as it should come from the racket.
+    """The state that the ball is expected to have after its contact with the racket.
 
     Attributes:
-        ball: Just after the contact, carried back to the time of the racket, with the covariance of all that is uncertain.
-        slopes: (9, 2) derivatives of it by the logarithms of the factors of the rubber.
+        ball: State after the contact, extrapolated along a straight line to the time of the racket state. Its covariance comes from the
+            uncertainties of the ball before the contact, of the racket and of the rubber's factors.
+        slopes: (9, 2) derivatives of the state (m, m/s, rad/s) by the logarithms of the rubber's two factors.
     """
 
     ball: BallState
@@ -76,14 +78,14 @@ class ExpectedReturn:
 
 
 class PhysicsLearner:
-    """What is known about the coefficients after some balls."""
+    """Kalman filter that learns the factors on the coefficients of the models from ball to ball."""
 
     def __init__(self, physics: Physics, params: LearningParams | None = None) -> None:
-        """Begin with the models, as uncertain as from session to session.
+        """Start from given models, with the uncertainty that the factors have from session to session.
 
         Args:
-            physics: The models.
-            params: How fast and how far to learn.
+            physics: Models whose coefficients are multiplied by the learnt factors.
+            params: How fast and how far to learn; None for the default.
         """
         self.params, self._models = params or LearningParams(), physics
         self._session, self._ball = np.array(self.params.session_spreads), np.array(self.params.ball_spreads)
@@ -91,28 +93,29 @@ class PhysicsLearner:
 
     @property
     def logarithms(self) -> Array:
-        """Logarithms (7,) of the factors that were learnt, in the order of FACTORS."""
+        """Logarithms (7,) of the factors learnt so far, in the order of FACTORS; 0 is a factor of 1."""
         return self._mean.copy()
 
     @property
     def physics(self) -> Physics:
-        """The models with what was learnt."""
+        """The models with their coefficients multiplied by the learnt factors."""
         return scaled(self._models, self._mean)
 
     @property
     def spreads(self) -> Array:
-        """Standard deviations (7,) of the logarithms for the next ball about what was learnt."""
+        """Standard deviations (7,) of the logarithms of the next ball's factors about the learnt ones, in the order of FACTORS."""
         return np.asarray(np.sqrt(np.diag(self._covariance) + self._ball**2))
 
     def add_flight(self, logarithms: Array, covariance: Array) -> bool:
-        """Learn from a flight that was tracked with `physics` and `spreads`.
+        """Learn from an incoming flight, whose tracker had `physics` as models and `spreads` as prior standard deviations.
 
         Args:
-            logarithms: (5,) of the factors that the tracker found for this ball beside those learnt, see `Tracker.factors`.
-            covariance: (5, 5) of them.
+            logarithms: (5,) logarithms of the factors that the tracker estimated for this ball, relative to the learnt ones; the result of
+                `Tracker.factors`.
+            covariance: (5, 5) covariance of `logarithms`.
 
         Returns:
-            Whether it was used.
+            Whether it was used; False if it is too far from the expectation.
 
         Raises:
             BadShape: An array has another shape.
@@ -124,22 +127,22 @@ class PhysicsLearner:
         return self._learn(self._covariance[:, :OF_BALL] @ np.linalg.inv(before), before, found, posterior)
 
     def expect_return(self, ball: BallState, racket: RacketState, turning: Array) -> ExpectedReturn | None:
-        """Return the ball as it should come from the racket.
+        """Predict the state of the ball after its contact with the racket.
 
         Args:
-            ball: Before the contact, with covariance, at the time of `racket`, close to the contact.
-            racket: As it was measured.
-            turning: (3,) rad/s, angular velocity of the racket.
+            ball: State before the contact with covariance, at the same time as `racket`, which must be close to the contact.
+            racket: Measured state of the racket.
+            turning: (3,) rad/s in `table`, angular velocity of the racket.
 
         Returns:
-            The ball, or None if ball and racket do not meet.
+            The expected state. None if `ball` has no covariance, or if ball and racket approach each other with less than SLOWEST.
         """
         if ball.covariance is None:
             return None
         physics = self.physics
 
         def after(change: Array, rubber: Array) -> Array | None:
-            """Return the ball (9,) for changes of ball and racket (14,) and of the logarithms (2,) of the rubber's factors."""
+            """Return the ball (9,) after the contact for changes of ball and racket (14,) and of the rubber's logarithms (2,), or None."""
             changed = RacketState(
                 racket.time, racket.position, racket.velocity + change[9:12], racket.alpha + change[12], racket.beta + change[13]
             )
@@ -168,14 +171,15 @@ class PhysicsLearner:
         return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ spread @ jacobian.T), jacobian[:, 14:])
 
     def add_return(self, expected: ExpectedReturn, seen: BallState) -> bool:
-        """Learn from a return.
+        """Learn the factors of the rubber from a return.
 
         Args:
-            expected: What came of `expect_return`.
-            seen: The ball at the same time, of a tracker that was started with `expected.ball` and has followed the return.
+            expected: Result of `expect_return` for this contact.
+            seen: State of the ball at the same time as `expected.ball`, estimated by a tracker that was started with `expected.ball` and
+                has followed the return.
 
         Returns:
-            Whether it was used.
+            Whether it was used; False if it is too far from the expectation, or if a covariance is missing.
         """
         if seen.covariance is None or expected.ball.covariance is None:
             return False
@@ -187,16 +191,16 @@ class PhysicsLearner:
         )
 
     def _learn(self, gain: Array, before: Array, change: Array, after: Array) -> bool:
-        """Take over what a tracker has found out about something that depends on the factors (smoothing of Rauch, Tung and Striebel).
+        """Update the factors by a tracker's estimate of a vector that depends on them (Rauch-Tung-Striebel smoothing).
 
         Args:
-            gain: (7, n) of the factors by it.
-            before: (n, n) covariance before the measurements.
-            change: (n,) of its mean by the measurements.
+            gain: (7, n) smoother gain from this vector to the factors.
+            before: (n, n) covariance of the vector before the measurements.
+            change: (n,) change of its mean by the measurements.
             after: (n, n) covariance after them.
 
         Returns:
-            Whether it was used.
+            Whether it was used; False if the change is outside the gate.
         """
         step, gained = gain @ change, gain @ (before - after) @ gain.T
         expected = np.diag(gained)
@@ -212,7 +216,10 @@ class PhysicsLearner:
 
 
 def _rebounded(ball: Array, racket: RacketState, turning: Array, physics: Physics) -> Array | None:
-    """Return the ball (9,) after the racket, carried straight on to the contact and back; None if they do not meet."""
+    """Return the ball (9,) after the contact with the racket, or None if they approach each other with less than SLOWEST.
+
+    The ball moves straight from its position to the contact. The state after the contact is extrapolated straight back to the same time.
+    """
     normal = racket.normal
     offset, towards = ball[POSITION] - racket.position, ball[VELOCITY] - racket.velocity
     if towards @ normal > 0.0:

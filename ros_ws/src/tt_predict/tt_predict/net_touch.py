@@ -1,4 +1,7 @@
-"""The net as a probability: a path that meets the tape goes on while it is not certain that the ball does."""
+"""Prediction near the net: while it is uncertain whether the ball touches the net, its path continues behind the net.
+
+The probability of a touch is computed from the covariance of the ball.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +16,36 @@ from tt_core.states import BallPath, BallState
 from .rollout import StopRule, rollout
 from .uncertainty import uncertainty
 
-PAST = NET_X - 2.0 * BALL_RADIUS  # m, x where a ball has passed the net
-NEAR = 0.08  # m above the tape, from where on a touch is too improbable to be looked at
-CERTAIN = 0.99  # probability of a touch, above which a path ends at the net
+PAST = NET_X - 2.0 * BALL_RADIUS  # m, x at which a ball has passed the net
+NEAR = 0.08  # m above the tape; the probability of a touch is not computed for a path that passes the net higher than this
+CERTAIN = 0.99  # probability of a touch above which the path ends at the net
 
 
 class NetPath(NamedTuple):
-    """A path and what the net may do to it."""
+    """Predicted path of a ball, and the probability that the ball touches the net.
+
+    Attributes:
+        path: Path of a ball that does not touch the net, or that ends there if a touch is certain.
+        touch: Probability that the ball touches the net, 0 to 1.
+    """
 
     path: BallPath
-    touch: float  # probability that the ball touches the net; the path is that of a ball that does not
+    touch: float
 
 
 def rollout_past_net(ball: BallState, physics: Physics, stop: StopRule) -> NetPath:
-    """Predict the path of a ball that may or may not touch the net.
+    """Predict the path of a ball which may touch the net, and the probability of a touch.
 
-    Behind the net it is the mean path of those balls of the covariance that pass.
+    If the path meets the net but a touch is not certain, the path continues behind the net. There it is the path of the mean of those balls
+    of the covariance that pass the net.
 
     Args:
-        ball: Where the path starts; without a covariance it is certain.
+        ball: State in which the path starts. Without a covariance it is taken as exact, so the probability is 0 or 1.
         physics: Models of air and table.
-        stop: Where the path ends if nothing else ends it.
+        stop: Condition at which the path ends if no contact ends it earlier.
+
+    Returns:
+        The path and the probability.
     """
     path = rollout(ball, physics, stop)
     if ball.covariance is None or not _is_near(path):

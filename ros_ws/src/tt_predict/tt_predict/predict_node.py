@@ -1,4 +1,4 @@
-"""Publish the path of the ball for every state of it that arrives."""
+"""Publish the path (predicted flight) of the ball for the states of the ball that arrive."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from .rollout import StopRule, rollout, thinned
 from .state_selection import StateSelection, StateSelectionParams
 from .uncertainty import uncertainty
 
-UNCERTAIN = 0.1  # s, least time between two states whose uncertainty is predicted
+UNCERTAIN = 0.1  # s, least time between two states for which the uncertainty at the end of the path is computed
 LARGEST_STATE = 4096  # bytes: a state has 730
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
 
 class PredictLine(Enum):
-    """What the terminal tells."""
+    """Messages that the predict node writes to the terminal, as format strings."""
 
     PATH = "path: bounces {bounces}, {seconds:.2f} s long, ends at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
 
 
 @dataclass(frozen=True)
 class PredictParams:
-    """How far the ball is followed."""
+    """Parameters of the prediction: plane at which a path ends, and whether first estimates of the ball are predicted, too."""
 
     until_x: float = param(
         PATH_END_X, "m", "x of the plane in `table` at which a path ends; past every hit window of the racket node", low=-100.0, high=100.0
@@ -58,9 +58,11 @@ class PredictParams:
 
 
 class PredictNode(Node):
-    """Subscribe to ball/state, publish ball/path up to the plane `until_x`; its uncertainty there goes to /diagnostics.
+    """ROS node that predicts the path of the ball.
 
-    With the parameter `first` it subscribes to ball/first, too. The same path goes to ball/path_poses in the form that viewers draw.
+    It subscribes to ball/state and publishes ball/path, up to the plane x = `until_x`. The uncertainty at this plane is published on
+    /diagnostics. With the parameter `first` the node subscribes to ball/first, too. The same path is published on ball/path_poses in the
+    form that viewers draw. Learnt coefficients of the models are taken from the topic `physics`.
     """
 
     def __init__(self) -> None:
@@ -87,22 +89,27 @@ class PredictNode(Node):
         self.status.wait_for(inputs)
 
     def on_physics(self, message: String) -> None:
-        """Take learnt coefficients; the states that arrive after them are predicted with them."""
+        """Take learnt coefficients of the models; they are used for all states that arrive from now on."""
         try:
             self.physics = physics_from_text(message.data, "predict", self.physics)
         except TtError as error:
             self.bad_physics(error)
 
     def on_ball(self, message: Odometry) -> None:
-        """Predict the path of a state and publish it, and tell its uncertainty."""
+        """Predict and publish the path from a state of the ball, and publish the uncertainty at its end on /diagnostics."""
         self.predict(message)
 
     def on_first(self, message: Odometry) -> None:
-        """Predict the path of a first estimate and publish it. Its uncertainty is told with the state that replaces it."""
+        """Predict and publish the path from a first estimate of a ball, without the uncertainty at its end."""
         self.predict(message, first=True)
 
     def predict(self, message: Odometry, *, first: bool = False) -> None:
-        """Publish the path of a ball, if it is wanted. first: Whether it is a first estimate."""
+        """Predict and publish the path of a ball, if `StateSelection` takes its state and the ball flies towards the robot.
+
+        Args:
+            message: State of the ball.
+            first: Whether it is a first estimate, which `StateSelection` need not take, and whose uncertainty is not published.
+        """
         try:
             ball = ball_from_message(message)
             if ball.velocity[0] >= 0.0 or ball.position[0] <= self.params.until_x or not (first or self.states.takes(ball)):
@@ -121,9 +128,11 @@ class PredictNode(Node):
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
-        """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin.
+        """Return the uncertainty at the end of the path as texts for /diagnostics.
 
-        It is empty within UNCERTAIN of the last one.
+        They are the standard deviations of time (ms), y and z (mm), and the covariance (10, 10) of time s, position m, velocity m/s and
+        spin rad/s as JSON. If the covariance is invalid, there is the one text `uncertainty` with the error. The result is empty if the
+        ball has no covariance, or if less than UNCERTAIN seconds have passed since the last state for which it was computed.
         """
         if ball.covariance is None or 0.0 <= ball.time - self.at_end_predicted < UNCERTAIN:
             return {}

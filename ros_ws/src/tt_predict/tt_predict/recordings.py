@@ -1,4 +1,4 @@
-"""Recorded flights of balls, in frame `table`: from a bag of this system or from the files of the aimy launcher."""
+"""Read recorded flights of balls, in frame `table`: from a bag of this system or from the files of the aimy ball launcher."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from tt_core.constants import BALL_RADIUS, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError, check_array
 from tt_core.ros.bags import Bag
 
-FEWEST = 12  # points of a flight worth keeping
+FEWEST = 12  # least number of points of a flight; shorter ones are dropped
 ODOMETRY = "nav_msgs/msg/Odometry"
-GAP = 0.1  # s without a point, and another flight begins
+GAP = 0.1  # s without a point, after which another flight begins
 AIMY_CONTACT = 0.759  # m, height of the ball's centre at its bounce, in the files
 
 
-# one message about the ball
+# one message about the ball: time in s, position in m, x of the velocity in m/s, spin in rad/s
 BALL_ROW = np.dtype([("time", float), ("position", float, 3), ("velocity_x", float), ("spin", float, 3)])
 
 
 class BadTimes(TtError):
-    """Times of a flight that do not increase."""
+    """The times of a flight do not increase, or there are fewer than two."""
 
     def __init__(self, group: str) -> None:
         """Keep the group of the flight."""
@@ -34,7 +34,7 @@ class BadTimes(TtError):
 
 
 class NoRecordedFlight(TtError):
-    """A file or folder without a flight."""
+    """A file or folder holds no recorded flight."""
 
     def __init__(self, path: Path, wanted: str) -> None:
         """Keep the path."""
@@ -44,13 +44,13 @@ class NoRecordedFlight(TtError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """One ball from a launch, or a hit, to the next hit.
+    """Recorded points of one flight of a ball, from a launch or a hit to the next hit, with the bounces between.
 
     Attributes:
-        group: Balls of one group were launched alike.
+        group: Name of the group of flights, whose balls were launched in the same way.
         times: (n,) s, increasing.
-        positions: (n, 3) m.
-        spin: (3,) rad/s at the start, None if not measured.
+        positions: (n, 3) m in `table`, of the ball's centre.
+        spin: (3,) rad/s in `table`, at the start; None if it was not measured.
 
     Raises:
         BadShape: An array has another shape.
@@ -73,12 +73,12 @@ class Flight:
 
 
 def aimy(folder: Path) -> list[Flight]:
-    """Read all launches in the *.hdf5 files of a folder (github: intelligent-soft-robots/ball_prediction), one group for each file.
+    """Read all launches of the aimy ball launcher from the *.hdf5 files of a folder; each file becomes one group.
 
-    In the files x points along the table in the direction of flight, y to the side, z up from the floor; the origin is below the launcher's
-    muzzle. In `table` the balls fly to -x from the opponent's end, along the middle: x = 2.74 - X, y = 0.7625 - Y, and z = Z - 0.739, which
-    puts the centre of a ball in contact at BALL_RADIUS. The files do not say where along the table the launcher stood, and no result here
-    depends on it.
+    The files are those of github: intelligent-soft-robots/ball_prediction. In them X points along the table in the direction of flight, Y
+    to the side and Z up from the floor; the origin is below the launcher's muzzle. In `table` the balls fly to -x from the opponent's end,
+    along the middle: x = 2.74 - X, y = 0.7625 - Y, and z = Z - 0.739, with which the centre of a ball is at z = BALL_RADIUS at its bounce.
+    The files do not tell where along the table the launcher stood, and no result here depends on it.
 
     Raises:
         NoRecordedFlight: The folder has no such file.
@@ -99,18 +99,19 @@ def aimy(folder: Path) -> list[Flight]:
 
 
 def bag(path: Path, topic: str) -> list[Flight]:
-    """Read all flights to -x from a bag.
+    """Read all flights in which the ball flies to -x (towards the robot) from a bag.
 
     Args:
         path: A bag of any kind that `tt_core.ros.bags` reads.
-        topic: A topic of nav_msgs/Odometry.
+        topic: Name of the topic of nav_msgs/Odometry that has the states of the ball.
 
     Returns:
-        The flights, cut where the ball turns round or is not seen for GAP. The spin is that of a flight's first message.
+        The flights, one group named after the bag. A flight ends where the velocity in x changes its sign, or where there is no message for
+        more than GAP seconds. The spin of a flight is that of its first message.
 
     Raises:
-        BagError: If the bag cannot be read.
-        TtError: If the topic has another type.
+        BagError: The bag cannot be read.
+        TtError: The topic has another type.
     """
     rows = []
     with Bag(path) as opened:
@@ -125,14 +126,15 @@ def bag(path: Path, topic: str) -> list[Flight]:
 
 
 def cut(rows: npt.NDArray[Any], group: str) -> list[Flight]:
-    """Cut messages about balls into flights to -x.
+    """Divide messages about balls into flights, and keep those in which the ball flies to -x (towards the robot).
 
     Args:
-        rows: (n,) of BALL_ROW, in order of time. Of rows of one time the first counts.
-        group: Of the flights.
+        rows: (n,) elements of BALL_ROW, in the order of time. If several have the same time, the first one is used.
+        group: Name of the group to which the flights belong.
 
     Returns:
-        Flights of at least FEWEST points. A new one begins where the ball turns round or is not seen for GAP.
+        The flights of at least FEWEST points. A new one begins where the velocity in x changes its sign, or after more than GAP seconds
+        without a row.
     """
     rows = rows[np.concatenate([[True], np.diff(rows["time"]) > 0.0])] if len(rows) else rows
     new = np.flatnonzero((np.diff(rows["time"]) > GAP) | (np.diff(np.sign(rows["velocity_x"])) != 0.0)) + 1
@@ -142,11 +144,14 @@ def cut(rows: npt.NDArray[Any], group: str) -> list[Flight]:
 
 
 def load(path: Path, topic: str) -> list[Flight]:
-    """Read all flights from a folder of *.hdf5 files or from a bag.
+    """Read all recorded flights from a folder of *.hdf5 files of the aimy ball launcher, or from a bag.
 
     Args:
         path: The folder or the bag.
-        topic: Of the ball in the bag, see `bag`.
+        topic: Name of the topic of nav_msgs/Odometry that has the states of the ball in a bag.
+
+    Returns:
+        The flights, at least one.
 
     Raises:
         NoRecordedFlight: There is no flight.

@@ -1,6 +1,7 @@
-"""From a state of the ball to its path: flight and bounces, every event exact (dissertation Section 4.5.1, without its time grid).
+"""Predict the path (flight and bounces) of the ball from one state of it (dissertation Section 4.5.1).
 
-`tt_core.events.walk` does the work. `method="liu"` is the dissertation's time grid, for comparison.
+`tt_core.events.walk` computes the path, with the exact time of each event. The dissertation has events at the steps of a time grid only;
+`method="liu"` does the same, for comparison.
 """
 
 from __future__ import annotations
@@ -18,17 +19,19 @@ from tt_core.states import BallPath, BallState, Bounce
 
 from .dissertation import LIU_STEP, walk_stepped_entry
 
-MOST_POINTS = 2000  # of a path that is published, see `thinned`
-SPACING = 0.005  # s between the points of a path that has been thinned out
+MOST_POINTS = 2000  # a path of more points is published with points SPACING apart, see `thinned`
+SPACING = 0.005  # s between the points of such a path
 
 
 @dataclass(frozen=True, slots=True)
 class StopRule:
-    """Where a path ends, unless the floor, the net or the table's edge ends it. Made by one of the class methods.
+    """Condition at which the predicted path of the ball ends, unless floor, net or table edge end it earlier.
+
+    Use the class methods to create one.
 
     Attributes:
-        kind: Which rule.
-        value: The time in s or the x in m of the rule, 0 if it needs none.
+        kind: Kind of the condition.
+        value: Time in s or x in m at which the path ends; 0 if the kind has no number.
     """
 
     kind: StopKind
@@ -36,26 +39,29 @@ class StopRule:
 
     @classmethod
     def liu(cls) -> StopRule:
-        """Stop after a bounce, in -0.3 <= x <= 0 as soon as the ball does not rise, else at x = -0.3 (Section 4.5.1)."""
+        """Return the rule of the dissertation's Section 4.5.1.
+
+        The path ends after a bounce as soon as the ball is in -0.3 m <= x <= 0 and does not rise, and at the latest at x = -0.3 m.
+        """
         return cls(StopKind.LIU)
 
     @classmethod
     def at_time(cls, t: float) -> StopRule:
-        """Stop at the time t (s), of the same clock as the ball's time."""
+        """Return the rule that ends the path at the time t (s), on the same clock as the time of the ball."""
         return cls(StopKind.TIME, check_range("t", t, -math.inf, math.inf))
 
     @classmethod
     def at_x(cls, x: float) -> StopRule:
-        """Stop where the centre of the ball crosses the plane x (m), -100 to 100."""
+        """Return the rule that ends the path where the centre of the ball crosses the plane at x (m, in `table`, -100 to 100)."""
         return cls(StopKind.X, check_range("x", x, -100.0, 100.0))
 
     @classmethod
     def at_landing(cls) -> StopRule:
-        """Stop at the next contact with the table, before the rebound."""
+        """Return the rule that ends the path at the next contact with the table, just before the rebound."""
         return cls(StopKind.LANDING)
 
     def longest(self, start: float) -> float:
-        """Return the longest duration in s of a path from the time `start` (s).
+        """Return the longest duration in s that a path which begins at the time `start` (s) can have.
 
         Raises:
             OutOfRange: The stop time is before `start`, or later than LONGEST_PATH after it.
@@ -71,18 +77,19 @@ _WALKS = {"exact": walk_entry, "liu": walk_stepped_entry}
 
 
 def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = "exact") -> BallPath:
-    """Predict the path of the ball.
+    """Predict the path of the ball through flight and bounces.
 
-    Points lie at most MAX_STEP apart. After net and edge the ball cannot be predicted, so the path ends there.
+    The points of the path are at most MAX_STEP seconds apart. A path ends at the net or the table's edge, because the flight after such a
+    contact cannot be predicted.
 
     Args:
-        ball: Where the path starts, in `table`.
+        ball: State in which the path starts, in `table`.
         physics: Models of air and table.
-        stop: Where the path ends if nothing else ends it.
-        method: "exact", or "liu", the dissertation's own scheme, which ends at time steps only (`dissertation.walk_stepped`).
+        stop: Condition at which the path ends if no contact ends it earlier.
+        method: "exact", or "liu" for the dissertation's own scheme, with events at time steps only (`dissertation.walk_stepped`).
 
     Returns:
-        The path. Its `ended` tells what ended it.
+        The path. Its `ended` tells why it ends.
 
     Raises:
         OutOfRange: The stop time is before the ball's time.
@@ -106,10 +113,11 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
 
 
 def thinned(path: BallPath) -> BallPath:
-    """Return the path with every second point, as it is published: messages are slow.
+    """Return the path with every second point only, for publication, because large messages are slow.
 
-    Both points of each bounce and the last point stay. Interpolation between points of a launched ball, 40 ms apart, is off by at most 0.01
-    mm and 0.7 mm/s. A path of more than MOST_POINTS points, which happens with spin along the flight, keeps points SPACING apart.
+    Both points of each bounce and the last point are kept. Between points that are 40 ms apart, interpolation of a launched ball's path has
+    an error of at most 0.01 mm and 0.7 mm/s. A path of more than MOST_POINTS points, which occurs if the spin axis is parallel to the
+    velocity, keeps points that are SPACING seconds apart.
     """
     bounces = np.flatnonzero(np.diff(path.times) == 0.0)
     if len(path.times) <= MOST_POINTS:

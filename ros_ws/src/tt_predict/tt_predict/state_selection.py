@@ -1,4 +1,4 @@
-"""Which states of a followed ball are worth a path: not each, and not before the spin is roughly known."""
+"""Selection of the ball states from which a path is predicted: not every state, and none before the spin is roughly known."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from tt_core.arrays import SPIN
 from tt_core.params import check, param
 from tt_core.states import BallState
 
-BACK = 0.3  # m, by which another ball is at least farther away than the last one was
-GAP = 0.5  # s without a state, after which it is another ball
+BACK = 0.3  # m; a state at an x larger by this than the previous one belongs to another ball
+GAP = 0.5  # s without a state, after which the next state belongs to another ball
 
 
 @dataclass(frozen=True)
 class StateSelectionParams:
-    """Which states are predicted."""
+    """Parameters that select the ball states from which a path is predicted.
+
+    A path is predicted at most every `interval` (s). It is predicted only if the standard deviation of the spin about each axis is below
+    `known_spin` (rad/s), or if `patience` (s) has passed since the first state of the ball.
+    """
 
     interval: float = param(
         0.0, "s", "least time between two states that are predicted; a tracker sends more than the nodes behind can use", low=0.0, high=1.0
@@ -39,16 +43,19 @@ class StateSelectionParams:
 
 
 class StateSelection:
-    """Select states of one ball after the other."""
+    """Selection of the states from which a path is predicted, for all balls in turn; it detects itself when a new ball comes."""
 
     def __init__(self, params: StateSelectionParams) -> None:
-        """Begin without a ball."""
+        """Create it without a ball."""
         self._params = params
         self._first = self._last = self._predicted = -math.inf  # s: of the first, last, and last predicted state
         self._x = -math.inf  # m, where the ball was last
 
     def takes(self, ball: BallState) -> bool:
-        """Return whether a path is to be predicted from this state; those of one ball come in order of time."""
+        """Return whether a path is to be predicted from this state, and remember the state.
+
+        Call it with every state of a ball, in the order of time.
+        """
         params, x = self._params, float(ball.position[0])
         if x > self._x + BACK or not self._last <= ball.time <= self._last + GAP:
             self._first, self._predicted = ball.time, -math.inf

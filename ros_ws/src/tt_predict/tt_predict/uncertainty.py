@@ -1,8 +1,8 @@
-"""Uncertainty of a predicted ball: its covariance carried along the path, through flight and bounce, by sigma points.
+"""Uncertainty of a predicted ball: propagation of its covariance through flight and bounce by sigma points (sample states).
 
-A ball that grips leaves the bounce so differently from one that slips that the usual 2 n sigma points are off by a third behind it. So
-POINTS balls are taken instead. They are drawn from the normal distribution, always the same, and corrected to its exact mean and
-covariance. Each flies on its own exact path.
+After a bounce, a ball that grips the table moves so differently from one that slips on it that the usual 2 n sigma points give a covariance
+that is wrong by a third. So POINTS sample states are used instead. They are drawn once from the normal distribution with a fixed seed, and
+corrected so that their mean and covariance are exact. The exact path of each of them is computed.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from tt_core.states import BallState
 
 from .rollout import StopRule
 
-POINTS = 256
-SEED = 1  # of the points; standard deviations are then within 0.6 % of those of 40,000 points in 95 % of 225 cases
-_ROWS = 4096  # of one path
+POINTS = 256  # number of sigma points
+SEED = 1  # seed of the points; with it, standard deviations are within 0.6 % of those of 40,000 points in 95 % of 225 cases
+_ROWS = 4096  # largest number of points of one path
 
 
 class NoCovariance(TtError):
-    """A ball without a covariance, where one is needed."""
+    """The ball has no covariance, but one is needed."""
 
     def __init__(self) -> None:
         super().__init__("the ball has no covariance")
 
 
 class NotACovariance(TtError):
-    """A matrix with a negative eigenvalue, where a covariance is needed."""
+    """A matrix that should be a covariance has a negative eigenvalue."""
 
     def __init__(self, eigenvalue: float) -> None:
         """Keep the smallest eigenvalue."""
@@ -42,7 +42,7 @@ class NotACovariance(TtError):
 
 
 class NotInTheAir(TtError):
-    """A time at which no ball of a covariance flies."""
+    """A time at which none of the sigma points of a ball is in flight any more, so that there is no covariance."""
 
     def __init__(self, time: float) -> None:
         """Keep the time in s."""
@@ -52,12 +52,12 @@ class NotInTheAir(TtError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Uncertainty:
-    """Where and when balls of the covariance meet a stop rule.
+    """Mean and covariance of time and state of the ball at the end of its path, which a stop rule defines.
 
     Attributes:
-        mean: (10,) time in s, position, velocity, spin.
-        covariance: (10, 10) of these.
-        reached: Share of the sigma points that met the rule. The others do not count.
+        mean: (10,) time s, position m, velocity m/s, spin rad/s, in `table`.
+        covariance: (10, 10) covariance of these, in the squares of these units.
+        reached: Share of the sigma points whose paths met the rule, 0 to 1. Mean and covariance are those of these points only.
     """
 
     mean: Array
@@ -67,19 +67,19 @@ class Uncertainty:
 
 @njit(cache=True)
 def _ends_entry(points: Array, start: float, kind: int, x: float, longest: float, physics: Array, out: Array) -> int:
-    """Fly each sigma point to the stop rule.
+    """Compute the path of each sigma point up to the stop rule.
 
     Args:
         points: (n, 9) states at the time `start`.
         start: s.
-        kind: As of StopCondition, like `x` and `longest`.
-        x: m.
-        longest: s.
+        kind: Kind of StopCondition.
+        x: m, x of StopCondition.
+        longest: s, longest duration of StopCondition.
         physics: (19,) `Physics.coefficients`.
-        out: (n, 10) filled with time and state at the end of those paths that meet the rule.
+        out: (n, 10) output: filled with time and state at the end of those paths that meet the rule.
 
     Returns:
-        How many paths meet the rule.
+        The number of paths that meet the rule, and so of filled rows.
     """
     stop, model = StopCondition(kind, x, longest), physics_coefficients(physics)
     rows, bounce_rows, n = np.empty((_ROWS, 10)), np.empty(MOST_BOUNCES, np.int64), 0
@@ -93,7 +93,7 @@ def _ends_entry(points: Array, start: float, kind: int, x: float, longest: float
 
 @cache
 def _unit_points() -> Array:
-    """Return (POINTS, 9) points of mean 0 and covariance 1, symmetric about 0."""
+    """Return (POINTS, 9) points with mean 0 and the unit matrix as covariance, symmetric about 0."""
     half = np.random.default_rng(SEED).standard_normal((POINTS // 2, 9))
     points = np.concatenate([half, -half])
     root = np.linalg.cholesky(points.T @ points / POINTS)
@@ -101,7 +101,7 @@ def _unit_points() -> Array:
 
 
 def sigma_points(ball: BallState) -> Array:
-    """Return (POINTS, 9) states whose mean and covariance are those of the ball.
+    """Return (POINTS, 9) sample states (position m, velocity m/s, spin rad/s) whose mean and covariance are exactly those of the ball.
 
     Raises:
         NoCovariance: The ball has no covariance.
@@ -116,15 +116,15 @@ def sigma_points(ball: BallState) -> Array:
 
 
 def uncertainty(ball: BallState, physics: Physics, stop: StopRule) -> Uncertainty | None:
-    """Predict where and when the ball meets a stop rule, with the covariance.
+    """Predict time and state of the ball at the end of its path, with their covariance.
 
     Args:
-        ball: Where the path starts, with its covariance.
+        ball: State in which the path starts, with its covariance.
         physics: Models of air and table.
-        stop: The rule.
+        stop: Condition at which the path ends.
 
     Returns:
-        Mean and covariance, or None if no sigma point meets the rule.
+        Mean and covariance; None if the path of no sigma point meets the condition.
 
     Raises:
         NoCovariance: The ball has no covariance.
@@ -135,22 +135,23 @@ def uncertainty(ball: BallState, physics: Physics, stop: StopRule) -> Uncertaint
 
 
 def covariances(ball: BallState, physics: Physics, times: Array) -> Array:
-    """Predict the covariance of the ball at many times.
+    """Predict the covariance of the ball's state at given times.
 
-    At the time of the bounce some sigma points are before it and some after it, so the variances of velocity and spin are large there.
+    Near the time of the bounce some sigma points (sample states) are before it and some after it, so the variances of velocity and spin are
+    large there.
 
     Args:
-        ball: Where the path starts, with its covariance.
+        ball: State in which the path starts, with its covariance.
         physics: Models of air and table.
         times: (n,) s, not before the ball's time.
 
     Returns:
-        (n, 9, 9) of position, velocity, spin in that order.
+        (n, 9, 9) covariances of position m, velocity m/s, spin rad/s in that order.
 
     Raises:
         NoCovariance: The ball has no covariance.
         NotACovariance: Its covariance is not positive semidefinite.
-        NotInTheAir: No sigma point flies at one of the times.
+        NotInTheAir: At one of the times no sigma point is in flight, or the time is before the ball's.
     """
     times, points, out = check_array("times", times, (-1,)), sigma_points(ball), []
     for time in times:
@@ -162,7 +163,7 @@ def covariances(ball: BallState, physics: Physics, times: Array) -> Array:
 
 
 def _uncertainty(points: Array, start: float, physics: Physics, stop: StopRule) -> Uncertainty | None:
-    """Return mean and covariance of points (n, 9), which start at `start` (s), where they meet the rule."""
+    """Return mean and covariance at the stop rule for sigma points (n, 9) that start at the time `start` (s); None if none meets it."""
     ends = np.empty((POINTS, 10))
     n = _ends_entry(points, start, int(stop.kind), stop.value, stop.longest(start), physics.coefficients, ends)
     if n == 0:

@@ -1,9 +1,10 @@
-"""How well models predict the landings of recorded launches.
+"""Measure how well models predict the landings of recorded launches.
 
-Protocol: Of each group every second launch, from the first on, is used to fit; the others are predicted. The start of each of these is
-fitted, with the model, to its points of the first SEEN seconds. Its spin, if it was not measured, is the one that the model found for the
-group on the fitted half. Its landing is where rollout meets the table. The identified model is liu's with C_D fitted for each group,
-because the dissertation fits each kind of spin by itself.
+A group is a set of equal launches. In each group, every second launch beginning with the first one is used for fits, and the landings of
+the others are predicted. For each of these, position and velocity at the start are fitted with the model to the points of the first SEEN
+seconds. If its spin was not measured, it is the one that was fitted with the model to the first half of the group. The landing is where the
+path predicted by `rollout` meets the table. The identified model is Liu's with the drag coefficient C_D fitted for each group, because the
+dissertation fits each kind of spin separately.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from .landings import landing
 from .recordings import Flight
 from .rollout import StopRule, rollout
 
-SEEN = 0.2  # s of a launch from which its landing is predicted
-FEWEST_SEEN = 10  # points to start from
+SEEN = 0.2  # s, duration of the first part of a launch from which its landing is predicted
+FEWEST_SEEN = 10  # least number of points in this part
 
 MODELS = {
     "gravity only": Physics(air=Aerodynamics.gravity_only()),
@@ -33,17 +34,17 @@ MODELS = {
 
 
 def landing_error(flight: Flight, physics: Physics, spin: Array, seen: float = SEEN) -> tuple[float, float] | None:
-    """Predict the landing of a flight from its first points.
+    """Predict the landing of a recorded flight from its first points, and compare it with the recorded landing.
 
     Args:
-        flight: As recorded.
+        flight: The recorded points of the ball.
         physics: Models of air and table.
-        spin: (3,) rad/s at the start.
-        seen: s, from the start, of the points that are used.
+        spin: (3,) rad/s in `table`, spin at the start.
+        seen: s, duration from the start in which points are used.
 
     Returns:
-        Distance in m and time in s between the predicted and the recorded landing; None if no landing was recorded, or there are less than
-        FEWEST_SEEN points before it.
+        Distance in m and absolute time difference in s between the predicted and the recorded landing. None if no landing was recorded, if
+        it was within the first `seen` seconds, or if there are fewer than FEWEST_SEEN points in these.
     """
     true = landing(flight)
     points = int(np.searchsorted(flight.times - flight.times[0], seen))
@@ -55,7 +56,14 @@ def landing_error(flight: Flight, physics: Physics, spin: Array, seen: float = S
 
 
 def validate(flights: Sequence[Flight]) -> dict[tuple[str, str], Array]:
-    """Return the landing errors (k, 2), in m and s, of the launches that were not fitted, by group and name of the model."""
+    """Return the errors of the predicted landings for every group of flights and every model of MODELS.
+
+    Args:
+        flights: Recorded flights. In each group, every second one is used for fits only.
+
+    Returns:
+        For each pair of group and model name: (k, 2) distances in m and time differences in s of the launches that were not used for fits.
+    """
     errors = {}
     for group in sorted({flight.group for flight in flights}):
         half = [flight for flight in flights if flight.group == group]

@@ -1,4 +1,8 @@
-"""The racket state that returns the ball to a goal (dissertation Chapter 4): path -> hit points -> strokes -> relaxed goals -> order."""
+"""Computation of strokes: racket position, orientation and velocity at one time that return the ball to a goal (dissertation Chapter 4).
+
+The dissertation is the Nagoya dissertation "Racket Control and Spinning Ball Measurement for Table Tennis Robot". The steps are: predicted
+path of the ball -> points where it may be hit -> strokes -> relaxed goals where no stroke meets the goal as asked -> order of preference.
+"""
 
 from .failures import StrokeFailure
 from .goal import GoalParams, default_goal

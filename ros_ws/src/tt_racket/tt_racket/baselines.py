@@ -1,6 +1,7 @@
-"""Strokes of earlier robots, for comparison: they know no spin and no air.
+"""Strokes of earlier robots, for comparison: they neglect the spin of the ball and the forces of the air.
 
-Both aim along the parabola that leads to the goal in the asked time. `residual` is how far the full models then miss the goal.
+Both aim along the parabola that leads to the goal in the asked flight time. The `residual` of these strokes is the distance in m by which
+the ball misses the goal in the full models of air and rubber.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from tt_core.states import BallState, RacketState, ReturnGoal
 
 from .stroke import Stroke
 
-LOSS = 0.30  # of the energy relative to the racket, Acosta; dissertation Section 1.2
+LOSS = 0.30  # lost share of the ball's energy relative to the racket, Acosta; dissertation Section 1.2
 PITCH = 0.35  # rad, elevation of the racket's normal, an assumption
 
 
 def _parabola(ball: BallState, goal: ReturnGoal, physics: Physics) -> Array:
-    """Return the velocity (3,) m/s after the hit that leads to the goal in the asked time without air."""
+    """Return the velocity (3,) m/s after the hit with which the ball reaches the goal in the asked time without forces of the air."""
     way = np.append(goal.landing, physics.contact_height) - ball.position
     return way / goal.flight_time + [0.0, 0.0, 0.5 * physics.air.gravity * goal.flight_time]
 
 
 def _stroke(ball: BallState, goal: ReturnGoal, physics: Physics, normal: Array, velocity: Array) -> Stroke:
-    """Return the stroke with that face normal (3,) and racket velocity (3,), and what the full models make of it."""
+    """Return the stroke with this face normal (3,) and racket velocity (3,) m/s; ball after the hit and residual are of the full models."""
     racket = RacketState.facing(ball.time, ball.position - physics.contact_height * normal, velocity, normal)
     after = physics.racket.after(ball.velocity, ball.spin, racket)
     end = fly(np.concatenate([ball.position, *after]), goal.flight_time, physics.air.coefficients)
@@ -35,16 +36,16 @@ def _stroke(ball: BallState, goal: ReturnGoal, physics: Physics, normal: Array, 
 
 
 def specular(ball: BallState, goal: ReturnGoal, physics: Physics, loss: float = LOSS) -> Stroke:
-    """Return Acosta's stroke: a mirror that loses energy and moves along its normal.
+    """Return the stroke of Acosta's robot: the racket reflects the ball like a mirror with loss of energy, and moves along its normal.
 
-    The angle out is the angle in, and `loss` of the energy relative to the racket is lost: v1 - V = k (v0 - V - 2 n n.(v0 - V)) with
-    k^2 = 1 - loss. With V = s n, the normal n lies along v1 - k v0.
+    The angle of reflection equals the angle of incidence. With ball velocities v0 and v1 before and after the hit, racket velocity V and
+    normal n the model is v1 - V = k (v0 - V - 2 n n.(v0 - V)) with k^2 = 1 - loss. With V = s n, the normal n is parallel to v1 - k v0.
 
     Args:
-        ball: At the hit.
-        goal: Its landing and flight time are aimed at.
-        physics: Gravity and contact height; the full models for the residual.
-        loss: Share of the energy.
+        ball: Ball just before the hit.
+        goal: Landing place and flight time to aim at; its spin is ignored.
+        physics: Gravity and contact height are used for the stroke, the full models for its residual.
+        loss: Share of the ball's energy relative to the racket that is lost, 0 to 1.
     """
     kept, wanted = math.sqrt(1.0 - loss), _parabola(ball, goal, physics)
     normal = wanted - kept * ball.velocity
@@ -54,17 +55,17 @@ def specular(ball: BallState, goal: ReturnGoal, physics: Physics, loss: float = 
 
 
 def fixed_pitch(ball: BallState, goal: ReturnGoal, physics: Physics, pitch: float = PITCH, loss: float = LOSS) -> Stroke:
-    """Return Yang's stroke: a racket of fixed pitch that moves along its normal.
+    """Return the stroke of Yang's robot: the racket has a fixed pitch angle and moves along its normal.
 
-    The normal's heading halves the angle between the ball's ways in and out, as a mirror does. The racket is as fast as the way to the goal
-    in the asked time needs.
+    In the horizontal plane, the normal halves the angle between the reversed incoming direction and the outgoing direction of the ball, as
+    in a mirror. The racket's speed is chosen so that the horizontal speed of the ball leads to the goal in the asked time.
 
     Args:
-        ball: At the hit.
-        goal: Its landing and flight time are aimed at.
-        physics: Gravity and contact height; the full models for the residual.
-        pitch: rad, elevation of the normal.
-        loss: Share of the energy relative to the racket.
+        ball: Ball just before the hit.
+        goal: Landing place and flight time to aim at; its spin is ignored.
+        physics: Gravity and contact height are used for the stroke, the full models for its residual.
+        pitch: rad, elevation of the normal above the horizontal plane.
+        loss: Share of the ball's energy relative to the racket that is lost, 0 to 1.
     """
     kept, wanted = math.sqrt(1.0 - loss), _parabola(ball, goal, physics)
     ways = np.array([v[:2] / max(1e-9, float(np.hypot(*v[:2]))) for v in (-ball.velocity, wanted)])

@@ -1,6 +1,7 @@
-"""The dissertation's own stroke, for comparison and as the start of the exact one: its simple aerodynamic model, SAM (4.48)-(4.58).
+"""The dissertation's own stroke by its simple aerodynamic model, SAM (4.48)-(4.58): for comparison, and as the start of the exact stroke.
 
-Drag acts on each axis by itself, and there is no Magnus force, so the velocity after the hit has a closed form. Kernels do not validate.
+In this model drag acts on each axis separately, and there is no Magnus force, so there is a closed formula for the velocity after the hit.
+Kernels do not validate their arguments.
 """
 
 from __future__ import annotations
@@ -33,17 +34,18 @@ from .solution import (
 
 @njit(cache=True, error_model="numpy")
 def sam_velocity(position: Array, target: Array, goal: Goal, air: AirCoefficients, velocity: Array) -> float:
-    """Fill the velocity after the hit (4.58).
+    """Compute the velocity after the hit by the dissertation's simple aerodynamic model (4.58).
 
     Args:
-        position: (3,) m, of the ball at the hit.
-        target: (3,) m, of the ball at the landing.
-        goal: Time and spin.
-        air: Coefficients.
-        velocity: (3,) m/s, filled.
+        position: (3,) m in `table`, of the ball at the hit.
+        target: (3,) m in `table`, of the ball at the landing.
+        goal: Flight time, and spin after the hit.
+        air: Coefficients of the flight model.
+        velocity: (3,) m/s in `table`, output: filled with the velocity after the hit.
 
     Returns:
-        D in 1/m, with h of (3.3) for the straight way to the target.
+        The drag factor D in 1/m, the deceleration divided by the square of the speed. It holds for the spin direction h of (3.3) on the
+        straight line to the target.
     """
     dx, dy = target[0] - position[0], target[1] - position[1]
     across = dx * goal.spin_y
@@ -58,15 +60,18 @@ def sam_velocity(position: Array, target: Array, goal: Goal, air: AirCoefficient
 
 @njit(cache=True, error_model="numpy")
 def sam_stroke(ball: Ball, goal: Goal, physics: PhysicsCoefficients, out: Array) -> Solution:
-    """Solve the stroke by SAM, and fly it by the full model for its residual.
+    """Solve the stroke by the simple aerodynamic model (SAM), and compute its residual by a flight with the full model.
 
-    A return that lands too early is no obstacle, because this return misses the goal anyway.
+    A return that lands too early is no obstacle here, because a return by this model misses the goal in any case.
 
     Args:
-        ball: Before the hit.
-        goal: What the return is asked to do.
-        physics: Models.
-        out: (18,) filled with the stroke, see `solution`.
+        ball: Ball just before the hit.
+        goal: Asked landing place, flight time and spin of the return.
+        physics: Models of air, table and racket.
+        out: (18,) output: filled with the ball after the hit and the racket, in the order of `solution`.
+
+    Returns:
+        How the search ended. If its obstacle is not CLEAR, `out` must not be used.
     """
     obstacle, missing = check_question(ball, goal)
     if obstacle != CLEAR:
@@ -91,6 +96,18 @@ def sam_stroke(ball: Ball, goal: Goal, physics: PhysicsCoefficients, out: Array)
 def sam_stroke_entry(
     position: Array, velocity: Array, spin: Array, goal: Array, physics: Array, out: Array
 ) -> tuple[tuple[int, float, float], tuple[float, int], tuple[float, float]]:
-    """Call `sam_stroke` from Python, as `shooting.shoot_entry` calls `shoot`."""
+    """Call `sam_stroke` from Python with plain arrays.
+
+    Args:
+        position: (3,) m in `table`, of the ball just before the hit.
+        velocity: (3,) m/s in `table`, of the ball just before the hit.
+        spin: (3,) rad/s in `table`, of the ball just before the hit.
+        goal: (5,) `ReturnGoal.vector`: landing x and y m, flight time s, spin y and z rad/s.
+        physics: (19,) `Physics.coefficients`.
+        out: (18,) output: filled with the ball after the hit and the racket, in the order of `solution`.
+
+    Returns:
+        (obstacle, missing, share), (residual, corrections), (alpha, beta), the fields of `solution.Solution`.
+    """
     s = sam_stroke(Ball(position, velocity, spin), goal_numbers(goal), physics_coefficients(physics), out)
     return (s.obstacle, s.missing, s.share), (s.residual, s.corrections), (s.alpha, s.beta)

@@ -1,4 +1,4 @@
-"""What is kept from one path of a ball to the next, while it is followed: what is asked of its return, and that it has bounced."""
+"""Data of a ball that are kept from one predicted path to the next one: the goal of its return, and whether it has bounced."""
 
 from __future__ import annotations
 
@@ -8,33 +8,35 @@ from tt_core.states import BallPath, ReturnGoal
 
 from .goal import GoalParams, default_goal
 
-SETTLED = 0.1  # s after the first path of a ball, from when on its default goal stays: first estimates of the spin are rough
-BACK = 0.3  # m, by which another ball is at least farther away than the last one was
-GAP = 0.5  # s without a path, after which it is another ball
-UNSURE = 0.02  # s, by which a bounce may come earlier than the last path told
+SETTLED = 0.1  # s after the first path of a ball, after which its default goal is kept: the first estimates of the spin are rough
+BACK = 0.3  # m; a path that begins at an x larger by this than the previous path belongs to another ball
+GAP = 0.5  # s without a path, after which the next path belongs to another ball
+UNSURE = 0.02  # s by which a bounce may happen before the time that the previous path predicted
 
 
 class FollowedBall:
-    """One ball after the other, as their paths tell.
+    """The ball that is now in flight: its goal, and whether it has bounced. It detects from the paths when a new ball comes.
 
     Attributes:
-        bounced: Whether the ball has bounced on the robot's half before the last path began.
+        bounced: Whether the ball had bounced on the robot's half before the last path began.
     """
 
     def __init__(self) -> None:
-        """Begin without a ball."""
+        """Create it without a ball."""
         self.bounced = False
         self._goal: ReturnGoal | None = None
         self._first = self._last = self._bounce = -math.inf  # s: of its first and last path, and of its bounce
         self._x = -math.inf  # m, where the last path began
 
     def follow(self, path: BallPath, params: GoalParams, asked: ReturnGoal | None = None) -> ReturnGoal:
-        """Take the next path; return the goal of the ball.
+        """Take the next predicted path, update `bounced`, and return the goal of the ball's return.
+
+        The default goal may change with the estimated spin during the first SETTLED seconds of a ball, and is then kept.
 
         Args:
-            path: From a newer state of the ball, or of another ball.
-            params: What is asked by default.
-            asked: The goal if somebody has asked for one.
+            path: Predicted flight from a newer state of the same ball, or of another ball.
+            params: Default goal for each kind of spin.
+            asked: A goal that a user has asked for, which replaces the default goal; None for none.
         """
         start, x = float(path.times[0]), float(path.positions[0, 0])
         if x > self._x + BACK or not self._last <= start <= self._last + GAP:

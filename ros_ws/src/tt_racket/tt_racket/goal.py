@@ -1,4 +1,4 @@
-"""What to ask of the return when nobody asks: the dissertation's own goals."""
+"""Default goals of a return, which are used while no goal is asked for: those of the dissertation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from tt_core.states import ReturnGoal
 
 @dataclass(frozen=True)
 class GoalParams:
-    """Default goal of a return: place and time of Table 4.5(b), spin according to the kind of the ball's spin."""
+    """Default goal of a return: landing place and flight time of the dissertation's Table 4.5(b), and one spin per kind of ball.
+
+    The spins (rad/s) are those after the hit; `default_goal` chooses one of them.
+    """
 
     landing_x: float = param(2.055, "m", "x of the default landing place, Table 4.5(b)", low=1.37, high=2.74, dynamic=True)
     landing_y: float = param(0.7625, "m", "y of the default landing place, the middle of the table", low=0.0, high=1.525, dynamic=True)
@@ -41,8 +44,8 @@ def default_goal(spin: Array, params: GoalParams) -> ReturnGoal:
     """Return the default goal for an incoming ball: back spin is returned with back spin, topspin with topspin, side spin with side spin.
 
     Args:
-        spin: (3,) rad/s, of the incoming ball.
-        params: Place, time and spins.
+        spin: (3,) rad/s in `table`, of the incoming ball. It counts as side spin if |w_z| > |w_y|, else as back spin if w_y > 0.
+        params: Landing place, flight time and the spin for each kind.
     """
     spin_y, spin_z = (params.back_spin_y if spin[1] > 0.0 else params.top_spin_y), 0.0
     if abs(spin[2]) > abs(spin[1]):

@@ -1,4 +1,7 @@
-"""What to give up of a goal that is out of reach: the nearest feasible return by spin, by time or by place."""
+"""Relax a goal for which there is no stroke: find the feasible goal nearest to it by changing its spin, flight time or landing place.
+
+A stroke is the racket's position, orientation and velocity at one time that returns the ball.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ DIRECTIONS = 8  # in which other landings are tried
 
 
 class GoalPart(Flag):
-    """Parts of a goal that may be given up."""
+    """Parts of a return's goal that may be given up (changed): spin, flight time, landing place. Flags can be combined."""
 
     SPIN = auto()
     TIME = auto()
@@ -38,7 +41,7 @@ _TIME, _SPIN = 2, slice(3, 5)  # elements of ReturnGoal.vector
 
 @dataclass(frozen=True)
 class RelaxationParams:
-    """What is given up first, in which steps it is searched for, and how far."""
+    """Parameters of the relaxation: the order in which parts of the goal are given up, and the steps and bounds of the search."""
 
     order: tuple[str, ...] = param(
         ("spin", "time", "place"), "", "what of a goal out of reach is given up, in this order", choices=("spin", "time", "place")
@@ -58,13 +61,13 @@ class RelaxationParams:
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:
-    """What a goal gives up of the asked one.
+    """Difference between a relaxed goal and the asked one.
 
     Attributes:
-        parts: What is given up; NOTHING if the goal is as asked.
-        spin: rad/s, by which the spin about y and z is changed.
-        time: s, by which the flight time is changed; positive is longer.
-        place: m, from the asked landing to the new one.
+        parts: Parts of the goal that are given up; NOTHING if the goal is as asked.
+        spin: rad/s, length of the change of the spin's y and z components.
+        time: s, change of the flight time; positive if it is longer than asked.
+        place: m, distance between the asked landing place and the new one.
     """
 
     parts: GoalPart = NOTHING
@@ -74,12 +77,25 @@ class Relaxation:
 
     @classmethod
     def between(cls, asked: ReturnGoal, goal: ReturnGoal, parts: GoalPart) -> Relaxation:
-        """Return what `goal` gives up of `asked`."""
+        """Return the difference between a relaxed goal and the asked one.
+
+        Args:
+            asked: The asked goal.
+            goal: The relaxed goal.
+            parts: Parts that `goal` gives up.
+        """
         change = goal.vector - asked.vector
         return cls(parts, math.hypot(*change[_SPIN].tolist()), float(change[_TIME]), math.hypot(*change[:2].tolist()))
 
     def rank(self, order: Sequence[str]) -> int:
-        """Return the place of this in an order of preference: one part by the order, then spin together with another part by the order."""
+        """Return the rank of this relaxation in an order of preference, smaller is better.
+
+        0 is a goal as asked. Then follow the relaxations that give up one part, in the given order; then those that give up spin and
+        another part, in the order of the other part.
+
+        Args:
+            order: "spin", "time" and "place" in the order in which they are given up, as in RelaxationParams.
+        """
         if self.parts is NOTHING:
             return 0
         together = self.parts & ~GoalPart.SPIN
@@ -88,7 +104,7 @@ class Relaxation:
         return len(order) + [_PARTS[name] for name in order].index(together)
 
     def __str__(self) -> str:
-        """Return it as text, "as asked" if nothing is given up."""
+        """Return the given-up parts and amounts as text, "as asked" if nothing is given up."""
         texts = {
             GoalPart.SPIN: f"spin by {self.spin:.0f} rad/s",
             GoalPart.TIME: f"time by {self.time:+.3f} s",
@@ -101,13 +117,13 @@ AS_ASKED = Relaxation()
 
 
 class Return(NamedTuple):
-    """A way to return a ball.
+    """One way to return a ball: the ball, the goal and the stroke.
 
     Attributes:
-        ball: At the hit.
-        goal: That of the stroke.
+        ball: Ball just before the hit.
+        goal: Goal for which the stroke was solved.
         stroke: The stroke, or the reason why there is none.
-        relaxation: What `goal` gives up of the asked goal.
+        relaxation: Difference between `goal` and the asked goal.
     """
 
     ball: BallState
@@ -117,7 +133,7 @@ class Return(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """Goals along a line: base + amount / length * change, as vectors of ReturnGoal."""
+    """Goals on a line in the space of ReturnGoal.vector: base + amount / length * change."""
 
     part: GoalPart
     base: Array
@@ -127,7 +143,7 @@ class _Line(NamedTuple):
 
 
 def _goal_at(line: _Line, amount: float) -> ReturnGoal | None:
-    """Return the goal at an amount along a line, None where the part that changes is out of bounds."""
+    """Return the goal at an amount along a line; None if the changed flight time or landing place is out of bounds."""
     vector = line.base + amount / line.length * line.change
     x, y, time, _, _ = vector.tolist()
     if line.part is GoalPart.TIME and not SHORTEST_FLIGHT <= time <= LONGEST_FLIGHT:
@@ -138,9 +154,10 @@ def _goal_at(line: _Line, amount: float) -> ReturnGoal | None:
 
 
 def _lines(part: GoalPart, ball: BallState, base: Array, params: RelaxationParams) -> list[_Line]:
-    """Return the lines along which a part of the goal is given up.
+    """Return the lines along which other values of one part of the goal are tried.
 
-    The spin goes towards that of the ball, which every rubber leaves it, and through none towards the opposite of the asked one.
+    There are two lines for the spin: from the asked spin to the spin that the ball already has, for which the rubber need not change
+    the spin; and from the asked spin through zero to its opposite.
     """
     if part is GoalPart.SPIN:
         lines = []
@@ -159,7 +176,7 @@ def _lines(part: GoalPart, ball: BallState, base: Array, params: RelaxationParam
 
 
 def _nearest(line: _Line, i: int, ball: BallState, physics: Physics, racket_speed: float) -> tuple[float, ReturnGoal, Stroke] | None:
-    """Try the line's amount number i, and if it is feasible halve the last step; return amount, goal and stroke."""
+    """Try amount number i of a line. If it is feasible, bisect the last step; return the least feasible amount, its goal and stroke."""
     if i >= len(line.amounts) or (goal := _goal_at(line, line.amounts[i])) is None:
         return None
     stroke = solve(ball, goal, physics, racket_speed=racket_speed)
@@ -177,7 +194,7 @@ def _nearest(line: _Line, i: int, ball: BallState, physics: Physics, racket_spee
 
 
 def _least(lines: list[_Line], ball: BallState, physics: Physics, racket_speed: float) -> tuple[ReturnGoal, Stroke] | None:
-    """Return the feasible goal with the least amount over all lines, whose amounts rise together, and its stroke."""
+    """Return the feasible goal with the least amount over all lines, and its stroke; None if no line has one."""
     for i in range(max((len(line.amounts) for line in lines), default=0)):
         found = [best for line in lines if (best := _nearest(line, i, ball, physics, racket_speed)) is not None]
         if found:
@@ -189,18 +206,18 @@ def _least(lines: list[_Line], ball: BallState, physics: Physics, racket_speed: 
 def relax_part(
     part: str, ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams, racket_speed: float = math.inf
 ) -> Return | None:
-    """Give up one part of a goal out of reach, as little of it as possible.
+    """Change one part of a goal that has no stroke, by the least amount with which there is a stroke.
 
     Args:
-        part: "spin", "time" or "place".
-        ball: At the hit.
-        goal: Out of reach.
-        physics: Models.
+        part: "spin", "time" (flight time) or "place" (landing place).
+        ball: Ball just before the hit.
+        goal: Goal for which there is no stroke.
+        physics: Models of air, table and racket.
         params: Steps and bounds of the search.
         racket_speed: m/s, highest speed of the racket.
 
     Returns:
-        The nearest feasible return, or None.
+        The return with the changed goal; None if no change within the bounds has a stroke.
     """
     flag = _PARTS[part]
     found = _least(_lines(flag, ball, goal.vector, params), ball, physics, racket_speed)
@@ -210,20 +227,20 @@ def relax_part(
 def relax_goal(
     ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf
 ) -> Return:
-    """Find the return as asked, or the one that gives up what comes first in the order.
+    """Find a stroke that meets the goal as asked, or else the nearest relaxed goal that has a stroke.
 
-    One part is given up first. If that does not help, and spin may be given up, the other parts are given up with the spin of the ball
-    itself, then with no spin.
+    First one part of the goal is given up (changed), in the order of `params.order`. If no single part helps and spin is in the order, time
+    or place is changed together with the spin: first with the spin that the ball already has, then without spin.
 
     Args:
-        ball: At the hit.
-        goal: As asked.
-        physics: Models.
-        params: Order, steps and bounds of the search.
+        ball: Ball just before the hit.
+        goal: The asked goal.
+        physics: Models of air, table and racket.
+        params: Order, steps and bounds of the search; None for the default.
         racket_speed: m/s, highest speed of the racket.
 
     Returns:
-        The return. If nothing helps it is as asked, without a racket, with the stroke's reason.
+        The return. If no relaxed goal has a stroke either, it has the asked goal, and its stroke has no racket but the reason.
     """
     params = params or RelaxationParams()
     asked = Return(ball, goal, solve(ball, goal, physics, racket_speed=racket_speed))

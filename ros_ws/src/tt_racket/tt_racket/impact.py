@@ -1,7 +1,8 @@
-"""The racket that turns one ball velocity into another: the rebound model solved backwards (dissertation Section 4.2.1).
+"""Inverse of the racket's rebound model: the racket state for a given change of the ball's velocity and spin (dissertation Section 4.2.1).
 
-With xi = turn (v1 - v0) and eta = w1 - w0 the model needs eta = xi x n (4.15, corrected), so the face normal n has a closed form. The
-racket's velocity follows from the impulses along n and across it. Kernels do not validate.
+v0 and w0 are velocity and spin of the ball before the hit, v1 and w1 those after it. With xi = turn (v1 - v0) and eta = w1 - w0 the model
+requires eta = xi x n (4.15, corrected), so there is a closed formula for the face normal n. The racket's velocity follows from the impulses
+along n and perpendicular to it. Kernels do not validate their arguments.
 """
 
 from __future__ import annotations
@@ -17,15 +18,17 @@ from tt_core.constants import BALL_RADIUS
 
 @njit(cache=True)
 def spin_after(v0: Array, w0: Array, v1: Array, spin_y: float, spin_z: float, w1: Array) -> None:
-    """Fill the spin after the hit: y and z as asked, x from (4.16), (v1 - v0).(w1 - w0) = 0.
+    """Compute the spin after the hit: y and z are given, x follows from (v1 - v0).(w1 - w0) = 0, which is (4.16) of the dissertation.
+
+    All vectors are in `table`.
 
     Args:
         v0: (3,) m/s, velocity of the ball before the hit.
         w0: (3,) rad/s, spin before the hit.
         v1: (3,) m/s, velocity after the hit; its x must differ from that of `v0`.
-        spin_y: rad/s after the hit.
-        spin_z: rad/s after the hit.
-        w1: (3,) rad/s, filled.
+        spin_y: rad/s, spin about y after the hit.
+        spin_z: rad/s, spin about z after the hit.
+        w1: (3,) rad/s, output: filled with the spin after the hit.
     """
     w1[1], w1[2] = spin_y, spin_z
     w1[0] = w0[0] - ((v1[1] - v0[1]) * (spin_y - w0[1]) + (v1[2] - v0[2]) * (spin_z - w0[2])) / (v1[0] - v0[0])
@@ -33,7 +36,7 @@ def spin_after(v0: Array, w0: Array, v1: Array, spin_y: float, spin_z: float, w1
 
 @njit(cache=True)
 def _speed_for(change: float, gain: float, drop: float, least: float) -> float:
-    """Return u >= 0 with max(least, gain - drop u) u = change."""
+    """Return the speed u >= 0 (m/s) that solves max(least, gain - drop u) u = change; drop in s/m, change in m/s."""
     if drop == 0.0:
         return change / gain
     under = gain * gain - 4.0 * drop * change
@@ -43,22 +46,22 @@ def _speed_for(change: float, gain: float, drop: float, least: float) -> float:
 
 @njit(cache=True)
 def racket_for(v0: Array, w0: Array, v1: Array, w1: Array, rubber: RacketCoefficients, racket_velocity: Array, normal: Array) -> float:
-    """Find the racket that changes velocity and spin of the ball as asked.
+    """Compute the racket's velocity and face normal that change velocity and spin of the ball as asked.
 
-    Of the two normals the one with n.(v1 - v0) > 0 is taken, because the racket can only push.
+    Two normals solve the equations. The one with n.(v1 - v0) > 0 is taken, because a racket can only push. All vectors are in `table`.
 
     Args:
         v0: (3,) m/s, velocity of the ball before the hit.
         w0: (3,) rad/s, spin before the hit.
         v1: (3,) m/s, velocity after the hit.
         w1: (3,) rad/s, spin after the hit, with (v1 - v0).(w1 - w0) = 0.
-        rubber: Coefficients.
-        racket_velocity: (3,) m/s, filled.
-        normal: (3,) unit face normal, filled.
+        rubber: Coefficients of the racket's rebound model.
+        racket_velocity: (3,) m/s, output: filled with the racket's velocity.
+        normal: (3,) output: filled with the unit face normal.
 
     Returns:
-        |eta| / |xi|, the asked change of spin over the largest that the rubber gives. If it is over 1 no racket does it, and nothing is
-        filled.
+        The asked change of spin divided by the largest change that the rubber can give. If it is over 1, no racket state exists, and the
+        outputs are not filled.
     """
     xi, eta = np.empty(3), np.empty(3)
     xi2, eta2 = 0.0, 0.0

@@ -1,4 +1,8 @@
-"""Where and when to hit: candidate strokes along the predicted path, best first (dissertation Section 4.5.1, and past it)."""
+"""Find candidate strokes along the predicted path of the ball, best first (an extension of dissertation Section 4.5.1).
+
+A stroke is the racket's position, orientation and velocity at one time that returns the ball. A stroke "as asked" meets the asked goal
+exactly; a relaxed one gives up a part of it.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +25,15 @@ from .goal_relaxation import SHORTEST_FLIGHT, GoalPart, Relaxation, RelaxationPa
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
 
-MOST_FALLBACK = 24  # strokes with another flight time: an arm tries ten of them, and corrects to their neighbours
-MOST_CANDIDATES = 64  # strokes that are offered, and points of a path at which a stroke is solved: a usual ball has 30
-EASIEST = 0.35  # of the window; where the PA10 could make most of the strokes of 18 balls that it could not return as asked
+MOST_FALLBACK = 24  # largest number of strokes with another flight time: an arm tries ten of them, and corrects to their neighbours
+MOST_CANDIDATES = 64  # largest number of offered strokes, and of points of a path at which a stroke is solved: a usual ball has 30
+EASIEST = 0.35  # share of the window's points; where the PA10 could make most strokes of 18 balls that it could not return as asked
 _NEAR = HIT_WINDOWS["near"]
 
 
 @dataclass(frozen=True)
 class InterceptParams:
-    """The window in which the ball is hit, how many points of the path in it are tried, and what orders the candidates."""
+    """Parameters of the search for strokes: box in which the ball may be hit, points of the path to try, order of the candidates."""
 
     x_low: float = param(
         _NEAR.x_low,
@@ -82,10 +86,10 @@ class InterceptParams:
 
     @classmethod
     def window(cls, name: str) -> InterceptParams:
-        """Return the default parameters with a window of `tt_core.hit_windows`.
+        """Return the default parameters with a named hit window of `tt_core.hit_windows`.
 
         Args:
-            name: "near", the dissertation's to a later strike, or "reachable", where the arm reaches 99 % of random rackets.
+            name: "near" is the dissertation's window, extended to later hits. "reachable" is where the PA10 reaches 99 % of random rackets.
 
         Raises:
             BadChoice: There is no window of that name.
@@ -96,18 +100,23 @@ class InterceptParams:
 
     @classmethod
     def of(cls, window: HitWindow, racket_speed: float = RACKET_SPEED) -> InterceptParams:
-        """Return the default parameters with another window and racket speed (m/s), as an arm file has them."""
+        """Return the default parameters with the hit window and racket speed of an arm file.
+
+        Args:
+            window: Box in which the ball may be hit.
+            racket_speed: m/s, highest racket speed of the strokes.
+        """
         return cls(**asdict(window), racket_speed=racket_speed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """What there is to return a ball with.
+    """Candidate strokes that return one ball, and the points of its path at which there is no stroke as asked.
 
     Attributes:
-        strokes: Solved, in order of preference.
-        refused: The points of the path at which the goal as asked has no stroke: the ball there and the reason.
-        relaxed: For each stroke what it gives up of the asked goal.
+        strokes: Strokes with a racket, in order of preference.
+        refused: For each point of the path at which no stroke meets the goal as asked: the ball at this point, and the reason.
+        relaxed: For each stroke, in the same order, what it gives up of the asked goal.
     """
 
     strokes: tuple[Stroke, ...]
@@ -116,7 +125,7 @@ class Candidates:
 
     @property
     def reason(self) -> Failure | None:
-        """Why there is no stroke, the commonest reason of those refused; None if there is one."""
+        """Why there is no stroke: the most frequent reason in `refused`, or NO_HIT_POINT if that is empty; None if there is a stroke."""
         if self.strokes:
             return None
         counts = Counter(failure.code for _, failure in self.refused)
@@ -134,20 +143,21 @@ def intercept(
     *,
     bounced: bool = False,
 ) -> Candidates:
-    """Find the strokes that return the ball.
+    """Find the candidate strokes that return the ball.
 
     Args:
-        path: The predicted path.
-        goal: As asked.
-        physics: Models.
-        params: Where strokes are tried, and their order.
-        relaxation: What is given up if no point of the path gives the goal as asked.
-        errors: Standard deviations at the strike, for the order.
-        bounced: See `hit_points`.
+        path: Predicted flight of the ball.
+        goal: The asked goal of the return.
+        physics: Models of air, table and racket.
+        params: Hit window, points that are tried, and weights of the order.
+        relaxation: Which parts of the goal are given up if no point of the path has a stroke as asked; None for the default.
+        errors: Standard deviations at the hit, from which the landing error of each stroke is computed; None for the default.
+        bounced: Whether the ball's bounce on the robot's half was before the path begins.
 
     Returns:
-        The strokes, best first: those that give up what comes first in the order of `relaxation`, and among these slow rackets, because the
-        arm's speed is what runs out first, and returns that land near the goal in spite of `errors`.
+        The strokes, best first. The first criterion is the given-up part of the goal: as asked comes first, then the order in `relaxation`.
+        The second is a sum that is small for a slow racket, because the arm's speed is the scarcest, and for a small landing error. If
+        `params.fallback_time` is not 0, strokes with another flight time are inserted after the first `params.as_asked` strokes.
     """
     relaxation, errors = relaxation or RelaxationParams(), errors or StrikeErrorParams()
     balls = hit_points(path, params, bounced)
@@ -164,14 +174,18 @@ def intercept(
 
 
 def hit_points(path: BallPath, params: InterceptParams, bounced: bool = False) -> list[BallState]:
-    """Return the ball where it may be hit: after its only bounce, in the window, at most MOST_CANDIDATES times, evenly taken.
+    """Return the states of the ball in which it may be hit: after its only bounce and inside the hit window.
 
-    The times are multiples of `params.spacing`, so that newer paths of a ball are hit at the same times.
+    The times of the states are multiples of `params.spacing`, so that newer paths of the same ball have the same times. If there are more
+    than MOST_CANDIDATES states, every second, third, ... of them is returned.
 
     Args:
-        path: The predicted path.
-        params: The window.
-        bounced: Whether the only bounce was before the path begins.
+        path: Predicted flight of the ball.
+        params: Hit window and spacing.
+        bounced: Whether the only bounce was before the path begins, so that the path must have none.
+
+    Returns:
+        The states in the order of time; empty if the path has another number of bounces or does not pass through the window.
     """
     if len(path.bounces) != (0 if bounced else 1):
         return []
@@ -185,14 +199,34 @@ def hit_points(path: BallPath, params: InterceptParams, bounced: bool = False) -
 
 
 def as_asked(balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams) -> list[Return]:
-    """Solve the goal as asked for each ball."""
+    """Solve a stroke that meets the goal as asked for each state of the ball.
+
+    Args:
+        balls: States of the ball in which it may be hit.
+        goal: The asked goal.
+        physics: Models of air, table and racket.
+        params: Has the highest racket speed.
+
+    Returns:
+        One Return for each ball, with the stroke or the reason why there is none.
+    """
     return [Return(ball, goal, solve(ball, goal, physics, racket_speed=params.racket_speed)) for ball in balls]
 
 
 def with_other_time(balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams) -> list[Return]:
-    """Return the feasible returns whose flight lasts `params.fallback_time` longer than asked, with the asked spin and with none.
+    """Find the feasible returns with the flight time changed by `params.fallback_time`, with the asked spin and without spin.
 
-    They are for an arm that is short of time, so those come first that it most often can make: about EASIEST of the way through the window.
+    They are for an arm that can make no stroke as asked. The balls near the share EASIEST of the window come first, because the arm can
+    make their strokes most often.
+
+    Args:
+        balls: States of the ball in which it may be hit, in the order of time.
+        goal: The asked goal.
+        physics: Models of air, table and racket.
+        params: Change of the flight time, and highest racket speed.
+
+    Returns:
+        At most MOST_FALLBACK returns, which all have a stroke.
     """
     time, found = max(SHORTEST_FLIGHT, goal.flight_time + params.fallback_time), list[Return]()
     others = (
@@ -212,7 +246,15 @@ def with_other_time(balls: Sequence[BallState], goal: ReturnGoal, physics: Physi
 def relaxed(
     balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams, relaxation: RelaxationParams
 ) -> list[Return]:
-    """Relax the goal for about `params.relaxed` of the balls, evenly taken, and return the returns that are feasible."""
+    """Relax the goal (give up a part of it) for some of the balls, and return the returns that have a stroke.
+
+    Args:
+        balls: States of the ball in which it may be hit. About `params.relaxed` of them are used, at regular intervals.
+        goal: The asked goal.
+        physics: Models of air, table and racket.
+        params: Number of balls to use, and highest racket speed.
+        relaxation: Order, steps and bounds of what is given up.
+    """
     some = balls[:: max(1, len(balls) // params.relaxed)]
     found = (relax_goal(ball, goal, physics, relaxation, params.racket_speed) for ball in some)
     return [one for one in found if one.stroke.racket is not None]
@@ -221,7 +263,18 @@ def relaxed(
 def ordered(
     returns: Sequence[Return], physics: Physics, params: InterceptParams, relaxation: RelaxationParams, errors: StrikeErrorParams
 ) -> list[Return]:
-    """Return the returns, which all have a racket, best first."""
+    """Sort returns by preference, best first.
+
+    The part of the goal that a return gives up decides first, by the order of `relaxation`; then the sum of the racket's speed over
+    `params.racket_speed` and the landing error over `params.landing_rms`.
+
+    Args:
+        returns: Each must have a stroke.
+        physics: Models of air, table and racket.
+        params: Weights of racket speed and landing error.
+        relaxation: Order of preference of what is given up.
+        errors: Standard deviations at the hit, from which the landing error is computed.
+    """
 
     def cost(one: Return) -> tuple[int, float]:
         assert one.stroke.racket is not None

@@ -1,4 +1,4 @@
-"""Publish the strokes that return each predicted ball to the goal."""
+"""Publish the strokes (racket position, orientation and velocity at one time) that return each predicted ball to the goal."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
 
 class RacketLine(Enum):
-    """What the terminal tells."""
+    """Messages that the racket node writes to the terminal, as format strings."""
 
     STROKES = (
         "{count} strokes; the best hits at x {x:.2f}, y {y:.2f}, z {z:.2f} m with {speed:.1f} m/s; to land at {landing[0]:.2f}, "
@@ -48,7 +48,7 @@ class RacketLine(Enum):
 
 @dataclass(frozen=True)
 class RacketParams:
-    """Where strokes are looked for."""
+    """Parameters that choose the arm and the default hit window, the box in which the ball may be hit."""
 
     robot: str = param("", "", "name of an arm, or path of an arm file or its folder, see docs/arms.md; empty: pa10")
     window: str = param(
@@ -64,13 +64,20 @@ class RacketParams:
 
     @property
     def intercept(self) -> InterceptParams:
-        """Return what the parameters of the window and the racket speed are where none are given. Raises BadFile."""
+        """Default values of the parameters of the search for strokes: window and racket speed are those of arm file and `window`.
+
+        Raises BadFile if the arm file cannot be used.
+        """
         arm, _ = read_arm(self.robot)
         return InterceptParams.of(arm.hit_window if self.window == "robot" else HIT_WINDOWS[self.window], arm.racket_speed)
 
 
 class RacketNode(Node):
-    """Subscribe to ball/path and return/goal, publish racket/strokes. Until a goal arrives, the default goal for the spin is used."""
+    """ROS node that computes the strokes for each predicted path of the ball.
+
+    It subscribes to ball/path, return/goal and physics, and publishes racket/strokes. Until a goal arrives, it uses the default goal for
+    the spin of the ball.
+    """
 
     def __init__(self) -> None:
         """Declare parameters, load the kernels, then subscribe."""
@@ -97,25 +104,25 @@ class RacketNode(Node):
         self.status.wait_for([paths])
 
     def on_goal_params(self, params: GoalParams) -> None:
-        """Use other defaults for the next ball."""
+        """Use the changed parameters of the default goal; a ball whose default goal is already settled keeps it."""
         self.goal_params = params
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
-        """Take a goal; it is used from the next path on."""
+        """Take the goal of a message; it is used for all paths that arrive from now on. Refuse a message without a valid goal."""
         try:
             self.goal = goal_from_message(message)
         except TtError as error:
             self.bad_goals(error)
 
     def on_physics(self, message: String) -> None:
-        """Take learnt coefficients; the paths that arrive after them are solved with them."""
+        """Take learnt coefficients of the models; they are used for all paths that arrive from now on."""
         try:
             self.physics = physics_from_text(message.data, "racket", self.physics)
         except TtError as error:
             self.bad_physics(error)
 
     def on_path(self, message: MultiDOFJointTrajectory) -> None:
-        """Find the strokes and publish them."""
+        """Find the strokes for a predicted path, and publish them and a status. Refuse a message without a valid path."""
         try:
             path = path_from_message(message)
             goal = self.ball.follow(path, self.goal_params, self.goal)

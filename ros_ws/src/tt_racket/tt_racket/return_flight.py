@@ -1,4 +1,4 @@
-"""The flight of the returned ball to its goal, and what it meets before. Kernels do not validate."""
+"""Flight of the returned ball to its goal, and the obstacles on its way. Kernels do not validate their arguments."""
 
 from __future__ import annotations
 
@@ -13,34 +13,35 @@ from tt_core.table_contacts import meets_net, meets_surface
 
 from .solution import CLEAR, EARLY, NET, OWN_HALF, SIDEWAYS
 
-FINE_STEP = 0.08  # s, of the flight to which a stroke is exact: 6e-8 m off at most
-FINE_WAY = 0.6  # m, that such a step is long at most
-SAME_INSTANT = 1e-6  # s, a contact this near the landing is the landing
+FINE_STEP = 0.08  # s, longest integration step of the flight that decides on the exactness of a stroke: an error of 6e-8 m at most
+FINE_WAY = 0.6  # m, longest way that the ball flies in such a step
+SAME_INSTANT = 1e-6  # s, a contact that is nearer to the asked landing time than this is the landing
 
 
 @njit(cache=True, error_model="numpy")
 def fine_step(velocity: Array) -> float:
-    """Return the longest step in s of an exact flight that starts with a velocity (3,)."""
+    """Return the longest integration step in s with which a flight from this velocity (3,) m/s has an error of at most 6e-8 m."""
     return min(FINE_STEP, FINE_WAY / math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2]))
 
 
 @njit(cache=True, error_model="numpy")
 def fly_return(after: Array, flight_time: float, air: AirCoefficients, contact: float, end: Array, work: Array) -> tuple[int, float]:
-    """Fly from the hit to the goal in fine steps.
+    """Integrate the flight of the returned ball for the asked flight time, and find the first obstacle on its way.
 
-    The return is clear if its first contact is on the opponent's half at the flight time.
+    There is no obstacle if the ball's first contact is on the opponent's half of the table at the end of the flight time. A state (9,) is
+    position m, velocity m/s and spin rad/s in `table`.
 
     Args:
-        after: (9,) the ball just after the hit.
-        flight_time: s.
-        air: Coefficients.
-        contact: m, height of the ball's centre in contact with the table.
-        end: (9,) filled with the ball at the flight time.
-        work: (8, 3) scratch.
+        after: (9,) state of the ball just after the hit.
+        flight_time: s, asked time from the hit to the landing.
+        air: Coefficients of the flight model.
+        contact: m, height of the ball's centre when the ball touches the table.
+        end: (9,) output: filled with the state of the ball after the flight time.
+        work: (8, 3) scratch memory.
 
     Returns:
-        CLEAR and 0, or what the ball meets first and by how much: m under the top of the net (NET), m beside the table (SIDEWAYS), s before
-        the flight time (OWN_HALF, EARLY).
+        The obstacle, a constant of `solution`, and its amount. CLEAR: 0. NET: m by which the ball is too low to pass over the net.
+        SIDEWAYS: m beside the table. OWN_HALF and EARLY: s by which the ball touches the table before the flight time has passed.
     """
     trial, now = np.empty(9), after.copy()
     even, left = flight_time / math.ceil(flight_time / fine_step(after[VELOCITY])), flight_time

@@ -1,4 +1,4 @@
-"""How far a returned ball lands from the goal when racket and ball are not quite what the stroke was solved for."""
+"""Landing error of a returned ball if racket and ball at the hit differ by random errors from those for which the stroke was solved."""
 
 from __future__ import annotations
 
@@ -18,14 +18,18 @@ from tt_core.states import BallState
 from .shooting import COARSE_STEP
 from .stroke import Stroke
 
-# elements of a strike (11,): what is not exact at the strike
+# elements of a strike (11,), the quantities at the hit that have errors: racket velocity m/s, alpha and beta rad, ball velocity m/s and
+# spin rad/s
 RACKET_VELOCITY, ALPHA, BETA, BALL_VELOCITY, BALL_SPIN = slice(0, 3), 3, 4, slice(5, 8), slice(8, 11)
 STRIKE_SIZE = 11
 
 
 @dataclass(frozen=True)
 class StrikeErrorParams:
-    """Standard deviations at the strike, each axis alike; assumptions of the order that measurement and arm reach."""
+    """Standard deviations of racket and ball at the hit, equal for all axes.
+
+    The default values are assumptions of the size of the errors of measurement and arm.
+    """
 
     racket_velocity: float = param(
         0.03, "m/s", "standard deviation of the racket's velocity at the strike, on each axis; an assumption", low=0.0, high=1.0
@@ -46,7 +50,7 @@ class StrikeErrorParams:
 
     @cached_property
     def sigmas(self) -> Array:
-        """Standard deviations (11,) of racket velocity, two angles of the face, ball velocity, ball spin."""
+        """Standard deviations (11,): racket velocity (3) m/s, two angles of the face rad, ball velocity (3) m/s, ball spin (3) rad/s."""
         return np.repeat([self.racket_velocity, self.racket_angle, self.ball_velocity, self.ball_spin], [3, 2, 3, 3])
 
 
@@ -54,16 +58,16 @@ class StrikeErrorParams:
 def _land(
     position: Array, strike: Array, flight_time: float, physics: PhysicsCoefficients, ball: Array, normal: Array, work: Array
 ) -> tuple[float, float]:
-    """Return x and y (m) where the ball comes down to the height of the goal.
+    """Return x and y (m) where the hit ball comes down to z = 0 in `table`.
 
     Args:
         position: (3,) m, of the ball at the hit.
         strike: (11,) racket velocity, alpha, beta, ball velocity, ball spin.
-        flight_time: s, to the goal. From there on the ball goes straight on along its velocity.
-        physics: Models.
-        ball: (9,) scratch.
-        normal: (3,) scratch.
-        work: (8, 3) scratch.
+        flight_time: s, from the hit to the goal. After it the ball is assumed to move straight along its velocity.
+        physics: Models of air and racket.
+        ball: (9,) scratch memory.
+        normal: (3,) scratch memory.
+        work: (8, 3) scratch memory.
     """
     alpha, beta = strike[ALPHA], strike[BETA]
     ball[POSITION], ball[VELOCITY], ball[SPIN] = position, strike[BALL_VELOCITY], strike[BALL_SPIN]
@@ -75,17 +79,19 @@ def _land(
 
 @njit(cache=True)
 def landing_covariance(position: Array, strike: Array, sigmas: Array, flight_time: float, physics: PhysicsCoefficients) -> Array:
-    """Return the covariance of the landing place, linear, by differences of one standard deviation.
+    """Return the covariance of the landing place that follows from errors of racket and ball at the hit.
+
+    The propagation is linear: the landing place is computed once for each quantity changed by its standard deviation.
 
     Args:
-        position: (3,) m, of the ball at the hit.
-        strike: (11,) racket velocity, alpha, beta, ball velocity, ball spin.
-        sigmas: (11,) `StrikeErrorParams.sigmas`, of the same.
-        flight_time: s, to the goal.
-        physics: Models.
+        position: (3,) m in `table`, of the ball at the hit.
+        strike: (11,) racket velocity (3) m/s, alpha and beta rad, ball velocity (3) m/s and spin (3) rad/s before the hit, in `table`.
+        sigmas: (11,) standard deviations of the elements of `strike`, see `StrikeErrorParams.sigmas`.
+        flight_time: s, from the hit to the goal.
+        physics: Models of air and racket.
 
     Returns:
-        (2, 2) m^2 of x and y.
+        (2, 2) m^2, covariance of the landing place's x and y.
     """
     out, work, ball, normal, moved = np.zeros((2, 2)), np.empty((8, 3)), np.empty(9), np.empty(3), np.empty(STRIKE_SIZE)
     x, y = _land(position, strike, flight_time, physics, ball, normal, work)
@@ -121,17 +127,17 @@ def _landing_rms_entry(
 
 
 def landing_rms(ball: BallState, stroke: Stroke, flight_time: float, physics: Physics, errors: StrikeErrorParams) -> float:
-    """Return how far returns land from the goal when strikes have errors.
+    """Return the root mean square landing error of a stroke, caused by errors of racket and ball at the hit.
 
     Args:
-        ball: At the hit.
-        stroke: For this ball.
-        flight_time: s, of its goal.
-        physics: Models.
-        errors: Standard deviations at the strike.
+        ball: Ball just before the hit.
+        stroke: Stroke that was solved for this ball.
+        flight_time: s, from the hit to the goal of the stroke.
+        physics: Models of air and racket.
+        errors: Standard deviations of racket and ball at the hit.
 
     Returns:
-        Root mean square distance in m; inf for a stroke without a racket.
+        Root mean square distance in m of the landing places from the one without errors; inf for a stroke without a racket.
     """
     racket = stroke.racket
     if racket is None:

@@ -1,8 +1,8 @@
-"""The exact stroke by shooting: a two-point boundary value problem, coupled with the racket (dissertation 4.2, 4.3).
+"""Solve the exact stroke by the shooting method: a two-point boundary value problem, coupled with the racket (dissertation 4.2, 4.3).
 
-The unknown is the velocity after the hit. Spin x follows from it by (4.16), the flight from both, the racket from all. Broyden's method
-corrects the velocity on flights of long steps. How far these are from the exact flight is found once, near the solution, and the aim is
-moved by it. Kernels do not validate.
+The unknown is the velocity after the hit. The spin about x follows from it by (4.16), and the racket state from velocity and spin.
+Broyden's method corrects the velocity with flights that are integrated in long steps. Near the solution the difference between such a
+coarse flight and the exact flight is computed, and the point aimed at is moved by this difference. Kernels do not validate their arguments.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from .impact import spin_after
 from .return_flight import fine_step, fly_return
 from .solution import BALL_AFTER, CLEAR, NO_SOLUTION, Ball, Goal, Solution, check_question, failed, goal_numbers, is_possible, with_racket
 
-TOLERANCE = 3e-8  # m, of the landing
-COARSE_STEP = 0.3  # s, of the flights that are corrected: 1e-5 m off
-COARSE = 1e-3  # m, the miss below which it pays to know how far these flights are off
-FINE = 2e-8  # m, the miss of a coarse flight from the moved aim at which an exact flight is tried
+TOLERANCE = 3e-8  # m, largest landing error of a solution
+COARSE_STEP = 0.3  # s, longest integration step of the coarse flights, which are 1e-5 m inexact
+COARSE = 1e-3  # m, landing error of the coarse flight below which its difference from the exact flight is computed
+FINE = 2e-8  # m, distance between coarse flight and moved aim below which an exact flight is tried
 MOST_CORRECTIONS = 40
 
 
@@ -77,14 +77,17 @@ def _distance(a: Array, b: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def shoot(ball: Ball, goal: Goal, physics: PhysicsCoefficients, most: int, out: Array) -> Solution:
-    """Solve the stroke.
+    """Solve the stroke (racket state that sends the ball to the goal) with the full flight model.
 
     Args:
-        ball: Before the hit.
-        goal: What the return is asked to do.
-        physics: Models.
-        most: Most corrections of the velocity. With fewer than MOST_CORRECTIONS a residual over TOLERANCE is no failure.
-        out: (18,) filled with the stroke, see `solution`.
+        ball: Ball just before the hit.
+        goal: Asked landing place, flight time and spin of the return.
+        physics: Models of air, table and racket.
+        most: Largest number of corrections of the velocity. With fewer than MOST_CORRECTIONS a residual over TOLERANCE is no failure.
+        out: (18,) output: filled with the ball after the hit and the racket, in the order of `solution`.
+
+    Returns:
+        How the search ended. If its obstacle is not CLEAR, `out` must not be used.
     """
     obstacle, missing = check_question(ball, goal)
     if obstacle != CLEAR:
@@ -134,19 +137,21 @@ def shoot(ball: Ball, goal: Goal, physics: PhysicsCoefficients, most: int, out: 
 def shoot_entry(
     position: Array, velocity: Array, spin: Array, goal: Array, physics: Array, most: int, out: Array
 ) -> tuple[tuple[int, float, float], tuple[float, int], tuple[float, float]]:
-    """Call `shoot` from Python. Plain tuples return faster than a NamedTuple: 0.2 us instead of 0.7 us.
+    """Call `shoot` from Python with plain arrays.
+
+    The result is plain tuples, because they are returned faster than a NamedTuple: in 0.2 us instead of 0.7 us.
 
     Args:
-        position: (3,) of the ball before the hit, like `velocity` and `spin`.
-        velocity: (3,).
-        spin: (3,).
-        goal: (5,) `ReturnGoal.vector`.
+        position: (3,) m in `table`, of the ball just before the hit.
+        velocity: (3,) m/s in `table`, of the ball just before the hit.
+        spin: (3,) rad/s in `table`, of the ball just before the hit.
+        goal: (5,) `ReturnGoal.vector`: landing x and y m, flight time s, spin y and z rad/s.
         physics: (19,) `Physics.coefficients`.
-        most: Most corrections.
-        out: (18,) filled with the stroke, see `solution`.
+        most: Largest number of corrections of the velocity.
+        out: (18,) output: filled with the ball after the hit and the racket, in the order of `solution`.
 
     Returns:
-        (obstacle, missing, share), (residual, corrections), (alpha, beta) of Solution.
+        (obstacle, missing, share), (residual, corrections), (alpha, beta), the fields of `solution.Solution`.
     """
     s = shoot(Ball(position, velocity, spin), goal_numbers(goal), physics_coefficients(physics), most, out)
     return (s.obstacle, s.missing, s.share), (s.residual, s.corrections), (s.alpha, s.beta)

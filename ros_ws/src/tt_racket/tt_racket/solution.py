@@ -1,6 +1,6 @@
-"""What the kernels that solve a stroke take and give: ball, goal, solution; and the checks that they share.
+"""Inputs and results of the kernels that solve a stroke (ball, goal, solution), and the checks that these kernels share.
 
-Kernels do not validate.
+A stroke is the racket's position, orientation and velocity at one time that returns the ball. Kernels do not validate their arguments.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from tt_core.constants import NET_X, TABLE_LENGTH, TABLE_WIDTH
 
 from .impact import racket_for
 
-# what stands against a stroke, as kernels tell it; `stroke` makes failures of them
+# obstacles: why kernels find no stroke, or CLEAR; `stroke` turns them into members of StrokeFailure
 (CLEAR, LANDING_ASIDE, BALL_LEAVES, BALL_BEYOND_NET, NO_SOLUTION, TOO_MUCH_SPIN, NET, OWN_HALF, SIDEWAYS, EARLY) = range(10)
 
-# parts of the array (18,) that a kernel fills with a stroke
+# parts of the array (18,) that a kernel fills with a stroke: ball just after the hit (position m, velocity m/s, spin rad/s), then the
+# racket's velocity m/s, unit face normal and position m, all in `table`
 BALL_AFTER, RACKET_VELOCITY, NORMAL, RACKET_POSITION = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18)
 STROKE_SIZE = 18
-FASTEST = 60.0  # m/s, sum over the axes after the hit; past it a search has left the field
+FASTEST = 60.0  # m/s, largest sum of the absolute velocities on the axes after the hit; a search that exceeds it diverges
 
 
 class Ball(NamedTuple):
-    """The ball just before the hit: position in m, velocity in m/s, spin in rad/s, (3,) each."""
+    """Ball just before the hit: position in m, velocity in m/s, spin in rad/s, each (3,) in `table`."""
 
     position: Array
     velocity: Array
@@ -34,7 +35,7 @@ class Ball(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """A ReturnGoal for the kernels, in m, s and rad/s."""
+    """Goal of the return as kernels take it: the fields of ReturnGoal, in m, s and rad/s."""
 
     landing_x: float
     landing_y: float
@@ -44,16 +45,16 @@ class Goal(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """How a search for a stroke ended.
+    """Result of a kernel that solves a stroke.
 
     Attributes:
-        obstacle: CLEAR, or what stands against the stroke.
-        missing: By how much, in m, s, m/s or as a share, as the obstacle has it.
-        residual: m, from the goal to the landing at the asked time.
-        corrections: How often the velocity after the hit was corrected.
-        share: The asked change of spin over the largest that the rubber gives; inf if the search did not come so far.
-        alpha: rad, of the racket.
-        beta: rad, of the racket.
+        obstacle: CLEAR, or the constant of this module that tells why there is no stroke.
+        missing: Amount by which the goal is out of reach, in m, s, m/s or as a share, according to the obstacle; 0 for CLEAR.
+        residual: m, distance between the goal and the ball's position after the asked flight time; inf if no flight was computed.
+        corrections: Number of corrections of the velocity after the hit.
+        share: The asked change of spin divided by the largest change that the rubber can give; inf if it was not computed.
+        alpha: rad, angle of the racket as in RacketState.
+        beta: rad, angle of the racket as in RacketState.
     """
 
     obstacle: int
@@ -67,19 +68,31 @@ class Solution(NamedTuple):
 
 @njit(cache=True)
 def goal_numbers(row: Array) -> Goal:
-    """Name the numbers of `ReturnGoal.vector` (5,)."""
+    """Return the numbers of `ReturnGoal.vector` (5,) as a NamedTuple."""
     return Goal(row[0], row[1], row[2], row[3], row[4])
 
 
 @njit(cache=True)
 def failed(obstacle: int, missing: float, residual: float, corrections: int) -> Solution:
-    """Return a solution without a racket."""
+    """Return the result of a search without success.
+
+    Args:
+        obstacle: Constant of this module that tells why there is no stroke.
+        missing: Amount by which the goal is out of reach, in the unit that the obstacle has.
+        residual: m, distance between the goal and the ball after the flight; inf if no flight was computed.
+        corrections: Number of corrections made.
+    """
     return Solution(obstacle, missing, residual, corrections, np.inf, 0.0, 0.0)
 
 
 @njit(cache=True)
 def check_question(ball: Ball, goal: Goal) -> tuple[int, float]:
-    """Return what makes the question pointless, whatever the racket does, and by how much; or CLEAR and 0."""
+    """Check whether ball and goal permit a stroke at all.
+
+    Returns:
+        CLEAR and 0 if they do. Else LANDING_ASIDE and the m by which the landing is outside the opponent's half, BALL_LEAVES and the ball's
+        velocity in x in m/s, or BALL_BEYOND_NET and the m by which the ball is beyond the net.
+    """
     beside = max(NET_X - goal.landing_x, goal.landing_x - TABLE_LENGTH, -goal.landing_y, goal.landing_y - TABLE_WIDTH)
     if beside >= 0.0:
         return LANDING_ASIDE, beside
@@ -92,17 +105,17 @@ def check_question(ball: Ball, goal: Goal) -> tuple[int, float]:
 
 @njit(cache=True, error_model="numpy")
 def with_racket(ball: Ball, rubber: RacketCoefficients, contact: float, flown: Solution, out: Array) -> Solution:
-    """Find the racket for a ball after the hit.
+    """Complete a stroke by the racket state that gives the ball its state after the hit.
 
     Args:
-        ball: Before the hit.
-        rubber: Coefficients.
-        contact: m, from the face of the racket to the centre of the ball.
-        flown: What the flight after the hit came to.
-        out: (18,) with BALL_AFTER given; the rest is filled.
+        ball: Ball just before the hit.
+        rubber: Coefficients of the racket's rebound model.
+        contact: m, distance between the racket's face and the ball's centre at the hit.
+        flown: Result of the flight after the hit, still without share and angles.
+        out: (18,) the stroke. Its part BALL_AFTER is given; its other parts are filled.
 
     Returns:
-        `flown` with share and angles of the racket, or TOO_MUCH_SPIN.
+        `flown` with share and angles of the racket; or a solution with TOO_MUCH_SPIN if the rubber cannot give the asked spin.
     """
     after, normal, position = out[BALL_AFTER], out[NORMAL], out[RACKET_POSITION]
     share = racket_for(ball.velocity, ball.spin, after[VELOCITY], after[SPIN], rubber, out[RACKET_VELOCITY], normal)
@@ -116,6 +129,10 @@ def with_racket(ball: Ball, rubber: RacketCoefficients, contact: float, flown: S
 
 @njit(cache=True)
 def is_possible(ball: Ball, velocity: Array) -> bool:
-    """Tell whether a velocity (3,) m/s after the hit is one: (4.16) has a solution, and the search has not left the field."""
+    """Tell whether a velocity (3,) m/s after the hit is usable in a search.
+
+    It must differ in x from the ball's velocity before the hit, because otherwise (4.16) of the dissertation gives no spin, and the sum of
+    its absolute components must be less than FASTEST.
+    """
     differs = not abs(velocity[0] - ball.velocity[0]) < 1e-6
     return differs and abs(velocity[0]) + abs(velocity[1]) + abs(velocity[2]) < FASTEST

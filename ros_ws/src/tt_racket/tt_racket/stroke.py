@@ -1,4 +1,4 @@
-"""The stroke that sends the ball to a goal, from a ball and a goal to the racket (dissertation Chapter 4)."""
+"""Solve one stroke: the racket state that sends a given ball to a given goal (dissertation Chapter 4)."""
 
 from __future__ import annotations
 
@@ -24,17 +24,19 @@ METHODS = ("exact", "sam")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stroke:
-    """A stroke, or why there is none.
+    """A stroke (racket state at one time that returns the ball), or the reason why there is none.
 
     Attributes:
-        racket: The racket at the strike, None without a stroke.
-        ball_after: The ball just after the hit, None without a stroke.
-        residual: m, from the goal to where the full flight model puts the ball at the asked time.
-        corrections: How often the velocity after the hit was corrected.
-        reason: Why there is no stroke, a code of StrokeFailure; None if there is one.
-        missing: By how much the goal is out of reach, in the unit of `reason`; 0 if it is not.
-        share: The asked change of spin over the largest that the rubber gives at this change of velocity. Over 1 there is no racket. It is
-            inf if the search did not come so far.
+        racket: Racket at the hit; None if there is no stroke.
+        ball_after: Ball just after the hit; None if there is no stroke.
+        residual: m, distance between the goal and the ball's position after the asked flight time, computed with the full flight model;
+            inf if no flight was computed.
+        corrections: Number of corrections of the velocity after the hit that the solver made.
+        reason: Why there is no stroke; its code is a StrokeFailure. None if there is a stroke.
+        missing: Amount by which the goal is out of reach, in m, m/s or s according to `reason`, or `share` - 1 for TOO_MUCH_SPIN; 0 if
+            there is a stroke.
+        share: The asked change of spin divided by the largest change that the rubber can give with this change of velocity. If it is over
+            1, no racket state gives the spin. It is inf if the solver stopped before it computed the share.
     """
 
     racket: RacketState | None
@@ -47,7 +49,7 @@ class Stroke:
 
 
 def _failure(obstacle: int, missing: float, share: float, ball: BallState, goal: ReturnGoal) -> Failure:
-    """Return the failure of a kernel's obstacle."""
+    """Return the failure, with its numbers, for an obstacle (constant of `solution`) that a kernel returned."""
     if obstacle == solution.LANDING_ASIDE:
         x, y = goal.landing.tolist()
         return Failure(StrokeFailure.LANDING_ASIDE, x=x, y=y, beside=missing)
@@ -75,21 +77,23 @@ def solve(
     corrections: int = MOST_CORRECTIONS,
     racket_speed: float = math.inf,
 ) -> Stroke:
-    """Find the racket state at the ball's time and place that sends the ball to the goal.
+    """Find the racket state that hits the ball at its present time and position and sends it to the goal.
 
-    The face of the racket lies contact_height behind the ball's centre, and its normal points to the ball. The landing is exact to 1e-7 m,
-    or to 1e-4 m if spin comes to lie along the flight, because h of (3.3) jumps there.
+    The racket's face is at the distance physics.contact_height from the ball's centre, and its normal points to the ball. The landing
+    place is exact to 1e-7 m. Where the spin axis becomes parallel to the velocity during the flight, the error may be up to 1e-4 m,
+    because the direction h of the spin in (3.3) is not continuous there.
 
     Args:
-        ball: At the hit, flying to -x.
-        goal: What the return is asked to do.
+        ball: State just before the hit; it must fly to -x.
+        goal: Asked landing place, flight time and spin of the return.
         physics: Models of air, table and racket.
-        method: "exact", the full model, or "sam", the dissertation's simple model (4.48)-(4.58), which is also the start of "exact".
-        corrections: Most corrections of "exact". Fewer take less time and give a coarser stroke.
+        method: "exact" uses the full flight model. "sam" uses the dissertation's simple aerodynamic model (4.48)-(4.58), from which
+            "exact" starts.
+        corrections: Largest number of corrections that "exact" makes. A smaller number takes less time and gives a less exact stroke.
         racket_speed: m/s, highest speed of the racket.
 
     Returns:
-        The stroke. A goal that cannot be met gives one without a racket, with the reason.
+        The stroke. If the goal cannot be met, its `racket` is None and its `reason` is set.
 
     Raises:
         BadChoice: `method` is unknown.

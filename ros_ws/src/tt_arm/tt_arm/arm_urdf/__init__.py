@@ -1,1 +1,1 @@
-"""An arm as its URDF describes it: the chain of joints, meshes, and the bodies that must not touch anything."""
+"""Read an arm from its URDF: the chain of joints, the meshes, and the bodies that must not touch anything."""

@@ -1,7 +1,7 @@
-"""The bodies of an arm as capsules, from the collision elements of its URDF.
+"""Represent the bodies of an arm by capsules, from the collision elements of its URDF.
 
-A capsule is all that is within a radius of a segment. A sphere is one of length 0. Cylinders, boxes and meshes are bounded by capsules, so
-that a distance to the capsules is never larger than the distance to the shapes themselves.
+A capsule is the set of all points within a radius of a line segment. A sphere is a capsule of length 0. Cylinders, boxes and meshes are
+enclosed in capsules, so that a distance to the capsules is never larger than the distance to the shapes themselves.
 """
 
 from __future__ import annotations
@@ -19,34 +19,45 @@ from tt_core.states import Array
 from .meshes import triangles
 from .urdf import Description, UrdfError, UrdfFailure, numbers
 
-STRIPS = 4  # capsules side by side, at most, that bound one box
-MOST_SPLITS = 2  # times that a mesh is halved, so up to 4 capsules bound it
-WORTH = 0.7  # of the volume of one capsule: two that take less replace it
-LITTLE_MORE = 1.3  # of the volume of two capsules: one that takes less replaces both
+STRIPS = 4  # largest number of capsules side by side that enclose one box
+MOST_SPLITS = 2  # how often a mesh is halved at most, so up to 4 capsules enclose it
+WORTH = 0.7  # several capsules replace one if their volume is less than this share of its volume
+LITTLE_MORE = 1.3  # one capsule replaces two if its volume is at most this multiple of theirs
 SLACK = 1e-9  # m, added to a radius that is computed from points, for rounding
 SHAPES = {"sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "box": ("size",), "mesh": ()}
 
 
 class Capsule(NamedTuple):
-    """A capsule in the frame of its link."""
+    """A capsule: all points within `radius` of the line segment from `start` to `end`, in the frame of its link.
 
-    start: Array  # (3,) m
-    end: Array  # (3,) m
-    radius: float  # m
+    Attributes:
+        start: (3,) m, first end of the segment.
+        end: (3,) m, second end of the segment.
+        radius: m.
+    """
+
+    start: Array
+    end: Array
+    radius: float
 
     def moved(self, placement: pin.SE3) -> Capsule:
-        """Return the capsule in the frame that `placement` leads to."""
+        """Return the capsule in another frame, for the pose of its present frame in that frame."""
         return Capsule(placement.act(self.start), placement.act(self.end), self.radius)
 
     @property
     def volume(self) -> float:
-        """Return its volume, m^3."""
+        """Volume, m^3."""
         length = float(np.linalg.norm(self.end - self.start))
         return float(np.pi * self.radius**2 * (length + 4.0 / 3.0 * self.radius))
 
 
 def around_cylinder(radius: float, length: float) -> Capsule:
-    """Return the capsule of least volume around a cylinder along z: its segment may be shorter than the cylinder where it is thicker."""
+    """Return the capsule of least volume that encloses a cylinder along z with its centre at the origin.
+
+    Args:
+        radius: m, of the cylinder.
+        length: m, of the cylinder.
+    """
     cut = np.linspace(0.0, 0.5 * length, 65)  # m, by which each end of the segment stays inside the cylinder
     thickness, left = np.sqrt(radius**2 + cut**2), length - 2.0 * cut
     best = int(np.argmin(thickness**2 * (left + 4.0 / 3.0 * thickness)))
@@ -55,7 +66,13 @@ def around_cylinder(radius: float, length: float) -> Capsule:
 
 
 def around_box(size: Array) -> Iterator[Capsule]:
-    """Yield capsules along the longest side of a box (3,) m, side by side where it is a plate."""
+    """Yield capsules that enclose a box with its centre at the origin.
+
+    They are parallel to the longest side. A plate is enclosed in several capsules side by side.
+
+    Args:
+        size: (3,) m, lengths of the sides.
+    """
     thin, wide, long = (int(i) for i in np.argsort(size))
     count = int(min(STRIPS, max(1.0, round(size[wide] / max(size[thin], 1e-3)))))
     strip = size[wide] / count
@@ -68,14 +85,14 @@ def around_box(size: Array) -> Iterator[Capsule]:
 
 
 def around_points(points: Array) -> Capsule:
-    """Return a capsule around points (n, 3) m: the smallest of those along the principal axes of the points and the axes of their frame."""
+    """Return a capsule that encloses points (n, 3) m: the smallest of those along their principal axes and the axes of their frame."""
     middle = points.mean(axis=0)
     principal = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
     return min((_along(points, axis) for axis in (*principal, *np.eye(3))), key=lambda capsule: capsule.volume)
 
 
 def _along(points: Array, axis: Array) -> Capsule:
-    """Return the capsule around points (n, 3) along an axis (3,): its line is near the centre of the points seen along the axis."""
+    """Return a capsule that encloses points (n, 3) m, parallel to an axis (3,), through the centre of the points as seen along the axis."""
     height = points @ axis
     flat = points - np.outer(height, axis)
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
@@ -93,7 +110,15 @@ def _along(points: Array, axis: Array) -> Capsule:
 
 
 def around_mesh(vertices: Array, corners: npt.NDArray[np.int64], splits: int = MOST_SPLITS) -> list[Capsule]:
-    """Return capsules around triangles. The triangles are halved along their longest extent where that takes less volume."""
+    """Return capsules that enclose the triangles of a mesh.
+
+    The set of triangles is divided along its longest extent where the capsules of both halves have clearly less volume.
+
+    Args:
+        vertices: (v, 3) m.
+        corners: (t, 3) indices of the corners of each triangle.
+        splits: How often the mesh may be halved.
+    """
     points = vertices[np.unique(corners)]
     one = around_points(points)
     if splits == 0 or len(corners) < 2:
@@ -109,7 +134,7 @@ def around_mesh(vertices: Array, corners: npt.NDArray[np.int64], splits: int = M
 
 
 def around_both(one: Capsule, other: Capsule) -> Capsule:
-    """Return a capsule around two: its segment joins the two ends that are furthest from each other."""
+    """Return a capsule that encloses two others; its segment joins the two of their ends that are furthest from each other."""
     ends = [(end, capsule.radius) for capsule in (one, other) for end in (capsule.start, capsule.end)]
     start, end = max(((a, b) for a, _ in ends for b, _ in ends), key=lambda pair: float(np.linalg.norm(pair[1] - pair[0])))
     way = end - start
@@ -119,7 +144,7 @@ def around_both(one: Capsule, other: Capsule) -> Capsule:
 
 
 def merged(parts: list[Capsule]) -> list[Capsule]:
-    """Return fewer capsules around the same bodies: two are replaced by one where that takes little more volume."""
+    """Return fewer capsules that enclose the given ones: two are replaced by one as long as this needs little more volume."""
     parts = list(parts)
     while len(parts) > 1:
         best, i, k = min(
@@ -135,7 +160,13 @@ def merged(parts: list[Capsule]) -> list[Capsule]:
 
 
 def capsules(description: Description) -> dict[str, list[Capsule]]:
-    """Return the capsules around the collision elements of each link, in the link's frame.
+    """Return the capsules that enclose the collision elements of each link of an arm.
+
+    Args:
+        description: The checked URDF of the arm.
+
+    Returns:
+        For each link's name the capsules in the frame of the link; an empty list for a link without collision elements.
 
     Raises:
         UrdfError: A collision element cannot be used.
@@ -148,7 +179,7 @@ def capsules(description: Description) -> dict[str, list[Capsule]]:
 
 
 def _around(urdf: str, link: ET.Element, element: ET.Element) -> list[Capsule]:
-    """Return the capsules around one collision element."""
+    """Return the capsules that enclose one collision element, in the frame of its link. Raises UrdfError."""
     name, geometry, origin = str(link.get("name")), element.find("geometry"), element.find("origin")
     xyz, rpy = np.zeros(3), np.zeros(3)
     if origin is not None:
@@ -166,7 +197,7 @@ def _around(urdf: str, link: ET.Element, element: ET.Element) -> list[Capsule]:
 
 
 def _capsules(urdf: str, link: str, shape: ET.Element, size: dict[str, Array]) -> list[Capsule]:
-    """Return the capsules around a shape in its own frame."""
+    """Return the capsules that enclose a shape, in the frame of the shape. Raises UrdfError for a mesh that cannot be read."""
     if shape.tag == "box":
         return list(around_box(size["size"]))
     if shape.tag == "cylinder":

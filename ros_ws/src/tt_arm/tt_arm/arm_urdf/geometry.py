@@ -1,4 +1,4 @@
-"""From pinocchio's model and the bodies of an arm to the constants that the kernels take."""
+"""Compute the constants that the kernels take (geometry, inertia, bodies) from pinocchio's model of an arm and its collision bodies."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .bodies import Capsule, merged
 from .urdf import RACKET
 
 BLADE_ALLOWANCE = 0.005  # m beyond the racket's radius: a blade is 157 mm long and 150 mm wide, and the disc has the width
-ABOUT = 1e-3  # m from an axis, within which a body lies along it
-RIM = RACKET_RADIUS + BLADE_ALLOWANCE  # m
+ABOUT = 1e-3  # m; a body whose segment is nearer to a joint's axis than this counts as lying along it
+RIM = RACKET_RADIUS + BLADE_ALLOWANCE  # m, radius of the disc that represents the racket
 HANDLE_RADIUS = 0.018  # m, half the width of a usual handle
 
 
 class Frames(NamedTuple):
-    """The joints of a chain, each with a frame whose z axis is the axis of the joint.
+    """Frames of the n joints of an arm, in each of which the z axis is the axis of the joint.
 
     Attributes:
-        placements: Frame of each joint in that of the joint before; of the first one in table.
-        own: That frame in the frame which pinocchio gives the joint.
+        placements: Pose of the frame of each joint in that of the joint before, at position 0; that of the first one in `table`.
+        own: Pose of the frame of each joint in the frame that pinocchio has for the joint.
         linear: (n,) whether a joint is linear.
     """
 
@@ -37,7 +37,7 @@ class Frames(NamedTuple):
 
 
 def joint_frames(model: pin.Model) -> Frames:
-    """Return the frames of pinocchio's joints, in order from the base."""
+    """Compute the frames of the joints of pinocchio's model, in the order from base to racket."""
     data = model.createData()
     zero = pin.neutral(model)
     pin.computeJointJacobians(model, data, zero)
@@ -54,7 +54,12 @@ def joint_frames(model: pin.Model) -> Frames:
 
 
 def links(model: pin.Model, frames: Frames) -> Links:
-    """Return the bodies that the joints move."""
+    """Return masses and inertias of the bodies that the joints move.
+
+    Args:
+        model: Pinocchio's model of the arm.
+        frames: Frames of its joints.
+    """
     inertias = [own.actInv(inertia) for own, inertia in zip(frames.own, list(model.inertias)[1:], strict=True)]
     return Links(
         mass=np.array([link.mass for link in inertias]),
@@ -64,7 +69,12 @@ def links(model: pin.Model, frames: Frames) -> Links:
 
 
 def chain(model: pin.Model, frames: Frames) -> Chain:
-    """Return the constants of the joints and the racket's mount, for a model of pinocchio in table and the frames of its joints."""
+    """Return the geometry of the joints and of the racket's mount.
+
+    Args:
+        model: Pinocchio's model of the arm, placed in `table`.
+        frames: Frames of its joints.
+    """
     racket = model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)]
     mount = frames.own[-1].inverse() * racket.placement
     return Chain(
@@ -77,13 +87,13 @@ def chain(model: pin.Model, frames: Frames) -> Chain:
 
 
 def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, list[Capsule]]) -> Bodies:
-    """Return the bodies, without the pairs that must not touch.
+    """Return the bodies of the arm for collision checks, still without the pairs that must not touch each other.
 
     Args:
-        model: Of pinocchio, in table.
-        frames: Of its joints.
-        joints: Of `chain`.
-        capsules: Of each link, in the link's frame.
+        model: Pinocchio's model of the arm, placed in `table`.
+        frames: Frames of its joints.
+        joints: Geometry of the joints, the result of `chain`.
+        capsules: Capsules of each link by its name, in the frame of the link.
     """
     n = len(frames.own)
     owned: list[tuple[int, Capsule]] = []
@@ -113,14 +123,17 @@ def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, 
 
 
 def _inwards(owner: int, capsule: Capsule, frames: Frames) -> tuple[int, Capsule]:
-    """Return the joint that moves a capsule of the joint `owner`, and the capsule in its frame. A turn about its axis does not move it."""
+    """Return the index of the joint that moves a capsule, and the capsule in the frame of this joint.
+
+    It is `owner`, or an earlier joint if the capsule lies along the axis of `owner`, whose rotation then does not move it.
+    """
     while owner >= 0 and not frames.linear[owner] and max(np.hypot(*capsule.start[:2]), np.hypot(*capsule.end[:2])) < ABOUT:
         capsule, owner = capsule.moved(frames.placements[owner]), owner - 1
     return owner, capsule
 
 
 def _handle(model: pin.Model, frames: Frames, face: Array) -> list[Capsule]:
-    """Return the handle: from the link that the racket is mounted on towards the face centre, up to the rim."""
+    """Return a capsule for the handle, from the link on which the racket is mounted towards the face centre, up to the rim."""
     parent = model.frames[model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)].parentFrame]
     flange = parent
     while flange.type != pin.FrameType.BODY and flange.parentFrame != 0:
@@ -134,19 +147,19 @@ def _handle(model: pin.Model, frames: Frames, face: Array) -> list[Capsule]:
 
 
 def _levers(bodies: Bodies, ranges: Array) -> Array:
-    """Return `Bodies.levers` for joints that move as far as ranges (n,) m, if they are linear."""
+    """Return `Bodies.levers`; ranges (n,) m are the largest distances from 0 that linear joints move."""
     n = len(bodies.chain.linear)
     owned = [(owner, m) for m, owner in enumerate(bodies.owners)] + [(n - 1, -1)]
     return np.array([max([1e-3, *(lever(bodies, ranges, i, m) for owner, m in owned if owner >= i)]) for i in range(n)])
 
 
 def lever(bodies: Bodies, ranges: Array, joint: int, m: int) -> float:
-    """Return how far (m) any point of a body may be from the axis of a joint that moves it; 1 for a linear joint.
+    """Return an upper bound of the distance (m) of any point of a body from the axis of a joint that moves it; 1 for a linear joint.
 
     Args:
-        bodies: Of the arm; their levers are not used.
-        ranges: (n,) m, how far linear joints move at most from 0.
-        joint: Index.
+        bodies: Capsules and racket of the arm; `levers` is not used.
+        ranges: (n,) m, largest distance from 0 that each linear joint moves.
+        joint: Index of the joint.
         m: Index of the capsule; -1 for the racket.
     """
     chain = bodies.chain

@@ -1,4 +1,4 @@
-"""Where the meshes of a URDF are, and their triangles."""
+"""Find the mesh files of a URDF, and read their triangles."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tt_core.states import Array
 
 
 class MeshNotFound(TtError):
-    """A mesh that is nowhere.
+    """The file of a mesh was not found.
 
     Attributes:
-        places: Paths where it was looked for.
+        places: Paths at which it was searched for.
     """
 
     def __init__(self, name: str, places: list[Path]) -> None:
@@ -29,12 +29,16 @@ class MeshNotFound(TtError):
 def resolve(name: str, urdf: Path) -> Path:
     """Find the file of a mesh.
 
-    A name `package://PACKAGE/REST` is looked for in the ament index, then in the folders around the URDF: as REST in a folder named
-    PACKAGE, as PACKAGE/REST, and as REST. Any other name is a path, relative to the URDF if it is not absolute.
+    A name `package://PACKAGE/REST` or `model://PACKAGE/REST` is searched for in the ament index, then in the folder of the URDF and in all
+    folders above it: as REST in a folder named PACKAGE, and as PACKAGE/REST; and last as REST beside the URDF. A name `file://PATH` is an
+    absolute path. Any other name is a path, relative to the URDF if it is not absolute.
 
     Args:
-        name: As in the URDF.
+        name: Name of the mesh in the URDF.
         urdf: Path of the URDF.
+
+    Returns:
+        Path of the file.
 
     Raises:
         MeshNotFound: There is no such file.
@@ -60,14 +64,14 @@ def resolve(name: str, urdf: Path) -> Path:
 
 
 def triangles(path: Path, scale: Array) -> tuple[Array, npt.NDArray[np.int64]]:
-    """Read a mesh.
+    """Read the triangles of a mesh.
 
     Args:
-        path: Of an STL, DAE, OBJ or any other file that assimp reads.
-        scale: (3,) of its coordinates, to m.
+        path: Path of an STL, DAE or OBJ file, or of any other file that assimp reads.
+        scale: (3,) factors by which the coordinates are multiplied to be in m.
 
     Returns:
-        Vertices (v, 3) m and the indices (t, 3) of each triangle's corners.
+        Vertices (v, 3) m, and for each triangle the indices (t, 3) of its corners.
 
     Raises:
         ValueError: The file cannot be read.

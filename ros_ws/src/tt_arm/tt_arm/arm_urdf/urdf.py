@@ -1,7 +1,7 @@
-"""A URDF as the arm needs it: one chain of moving joints from the root link to the racket; all other joints are fixed or left out.
+"""Read and check a URDF, and change it to an arm with one chain of moving joints from the root link to the racket.
 
-`read` checks the whole file first, so that every defect is refused with the name of the joint or link and its numbers. The result is a URDF
-again, which pinocchio reads.
+All other joints are fixed or left out. Every defect of the file raises an error with the name of the joint or link and its numbers. The
+result is a URDF, too, which pinocchio can read.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from tt_core.states import Array
 
 from .meshes import MeshNotFound, resolve
 
-LEAST_JOINTS, MOST_JOINTS = 5, 8  # position and normal of the racket's face are five conditions
+LEAST_JOINTS, MOST_JOINTS = 5, 8  # numbers of moving joints; position and normal of the racket's face are five conditions
 RACKET = "racket"  # name of the link that is the racket
 RACKET_MASS = 0.18  # kg, of a usual racket with its rubbers
 RACKET_THICKNESS = 0.014  # m, blade and rubbers
-TURNS = 2.0 * math.pi  # rad, both ways: how far a continuous joint may turn, because the cable of a racket or a gripper winds up
-LARGEST_SPEED, LARGEST_EFFORT = 100.0, 1e5  # rad/s or m/s, N m or N; more is no limit of a real joint
+TURNS = 2.0 * math.pi  # rad, limit of a continuous joint in both directions, because the cable of a racket or a gripper winds up
+LARGEST_SPEED, LARGEST_EFFORT = 100.0, 1e5  # rad/s or m/s, N m or N; a larger number cannot be the limit of a real joint
 LIMITS = ("lower", "upper", "velocity", "effort", "acceleration", "jerk")  # attributes of a joint's limits
 MOVING = {"revolute": "rad", "continuous": "rad", "prismatic": "m"}  # types of joints that an arm may have, and their unit
 
 
 class UrdfFailure(Enum):
-    """Why a URDF cannot be used."""
+    """Codes of failures: why a URDF cannot be used."""
 
     NOT_READABLE = "urdf = {urdf!r} cannot be read: {error}"
     NOT_A_URDF = "urdf = {urdf!r} is no URDF: its root element is <{tag}>, wanted <robot>; expand a xacro file first"
@@ -63,10 +63,10 @@ class UrdfFailure(Enum):
 
 
 class UrdfError(TtError):
-    """A URDF that cannot be used.
+    """A URDF cannot be used.
 
     Attributes:
-        failure: The reason.
+        failure: The reason; its code is a UrdfFailure.
     """
 
     def __init__(self, code: UrdfFailure, **values: object) -> None:
@@ -77,13 +77,13 @@ class UrdfError(TtError):
 
 @dataclass(frozen=True)
 class UrdfOptions:
-    """What is done with a URDF beside reading it.
+    """Changes that are made to a URDF when it is read.
 
     Attributes:
-        limits: Of joints by name, which replace those of the URDF: any of LIMITS, in rad or m, s, N m or N.
-        fixed: Positions (rad or m) of moving joints that are fixed, by name. Joints outside the chain are fixed at 0 if they are not named
-            here, or at the limit that is nearest to 0.
-        left_out: Names of links that are left out, with all that is attached to them.
+        limits: For each joint's name the limits that replace those of the URDF, by their names in LIMITS; in rad or m, s, and N m or N.
+        fixed: Positions (rad or m) at which moving joints are fixed, by their names. A joint outside the chain that is not named here is
+            fixed at 0, or at the limit nearest to 0; a joint that mimics another one is fixed accordingly.
+        left_out: Names of links that are removed together with everything attached to them.
     """
 
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -93,17 +93,17 @@ class UrdfOptions:
 
 @dataclass(frozen=True)
 class JointDescription:
-    """A moving joint of the chain.
+    """Name and limits of one moving joint of the arm.
 
     Attributes:
-        name: As in the URDF.
-        unit: "rad" or "m".
-        low: rad or m.
-        high: rad or m.
-        speed: rad/s or m/s.
-        effort: N m or N.
-        acceleration: rad/s^2 or m/s^2; None where none is stated.
-        jerk: rad/s^3 or m/s^3; None where none is stated.
+        name: Name in the URDF.
+        unit: Unit of the position, "rad" or "m".
+        low: rad or m, lowest position.
+        high: rad or m, highest position.
+        speed: rad/s or m/s, speed limit for both directions.
+        effort: N m or N, rated torque or force.
+        acceleration: rad/s^2 or m/s^2, acceleration limit; None if none is stated.
+        jerk: rad/s^3 or m/s^3, jerk limit; None if none is stated.
     """
 
     name: str
@@ -118,12 +118,12 @@ class JointDescription:
 
 @dataclass(frozen=True)
 class Description:
-    """An arm as its URDF describes it, with the racket.
+    """Checked URDF of an arm with its racket.
 
     Attributes:
-        urdf: Path of the file.
-        xml: URDF of the arm with a link named `racket`; only the joints of the chain move, and meshes have absolute paths.
-        joints: The moving joints, from the root to the racket.
+        urdf: Path of the file from which it was read.
+        xml: URDF of the arm as text, with a link named `racket`. Only the joints of the chain can move, and meshes have absolute paths.
+        joints: Moving joints in the order from the root link to the racket.
     """
 
     urdf: str
@@ -132,16 +132,19 @@ class Description:
 
 
 def numbers(urdf: str, where: str, element: ET.Element, wanted: tuple[str, int, str]) -> Array:
-    """Return the numbers of an attribute.
+    """Return the numbers in an attribute of an XML element.
 
     Args:
         urdf: Path of the file, for the error.
-        where: What the element is, for the error.
-        element: With the attribute.
-        wanted: Name of the attribute, count of the numbers, and the text where there is no such attribute.
+        where: Description of the element, for the error.
+        element: Element that has the attribute.
+        wanted: Name of the attribute, wanted count of numbers, and the text that is used if there is no such attribute.
+
+    Returns:
+        (count,) numbers.
 
     Raises:
-        UrdfError: There are not so many numbers, or one is not finite.
+        UrdfError: The count of numbers is wrong, or one is not finite.
     """
     attribute, count, default = wanted
     text = element.get(attribute, default)
@@ -155,7 +158,7 @@ def numbers(urdf: str, where: str, element: ET.Element, wanted: tuple[str, int, 
 
 
 class _Tree:
-    """Links and joints of a URDF by name, each with a single way to the root."""
+    """Tree of the links and joints of a URDF, by name; every link is connected with the root link in exactly one way."""
 
     def __init__(self, urdf: str) -> None:
         """Read and check the structure; raise UrdfError."""
@@ -237,11 +240,19 @@ class _Tree:
             raise UrdfError(UrdfFailure.WRONG_MASS, urdf=self.urdf, link=name, mass=kilograms, inertia=least)
 
     def numbers(self, element: ET.Element, attribute: str, count: int, where: str, default: str = "") -> Array:
-        """Return `count` numbers of an attribute, see `numbers`."""
+        """Return the numbers in an attribute of an XML element of this file.
+
+        Args:
+            element: Element that has the attribute.
+            attribute: Name of the attribute.
+            count: Wanted count of numbers.
+            where: Description of the element, for the error.
+            default: Text that is used if there is no such attribute.
+        """
         return numbers(self.urdf, where, element, (attribute, count, default))
 
     def origin(self, element: ET.Element, where: str) -> pin.SE3:
-        """Return the placement that an element's <origin> states."""
+        """Return the pose that the <origin> of an element states; `where` describes the element in errors."""
         origin = element.find("origin")
         if origin is None:
             return pin.SE3.Identity()
@@ -249,12 +260,12 @@ class _Tree:
         return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
     def axis(self, joint: ET.Element) -> Array:
-        """Return the axis (3,) of a joint as it is stated; x is the default of the format."""
+        """Return the axis (3,) of a joint as it is stated, not normalised; x, the default of the format, if none is stated."""
         axis = joint.find("axis")
         return np.array([1.0, 0.0, 0.0]) if axis is None else self.numbers(axis, "xyz", 3, f"joint {joint.get('name')}", "1 0 0")
 
     def below(self, link: str) -> Iterator[str]:
-        """Yield a link and all that are attached to it."""
+        """Yield the name of a link and of all links that are attached to it, directly or through others."""
         links = [link]
         while links:
             yield links[-1]
@@ -262,7 +273,7 @@ class _Tree:
             links += [self.child[name] for name, parent in self.parent.items() if parent == link]
 
     def chain(self, tip: str) -> list[str]:
-        """Return the names of the joints from the root to a link."""
+        """Return the names of the joints from the root link to the link `tip`, in this order."""
         names: list[str] = []
         while tip in self.above:
             names.append(str(self.above[tip].get("name")))
@@ -270,7 +281,7 @@ class _Tree:
         return names[::-1]
 
     def leave_out(self, link: str) -> None:
-        """Remove a link with its joint and all that is attached to it."""
+        """Remove a link, the joint above it, and everything attached to it."""
         for name in list(self.below(link)):
             joint = str(self.above.pop(name).get("name"))
             self.robot.remove(self.links.pop(name))
@@ -278,18 +289,21 @@ class _Tree:
             del self.parent[joint], self.child[joint]
 
     def leaves(self) -> list[str]:
-        """Return the links to which nothing is attached."""
+        """Return the names of the links to which no other link is attached."""
         return [link for link in self.links if link not in self.parent.values()]
 
 
 def read(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions) -> Description:
-    """Read a URDF.
+    """Read and check the URDF of an arm, mount the racket, and fix all joints that do not belong to the arm.
 
     Args:
         urdf: Path of the file.
-        tip: Link that the racket is mounted on; None for the only one to which nothing is attached.
-        mount: Racket in the frame of the tip; None keeps the place that the URDF gives its own racket, or puts one at the tip itself.
-        options: What is fixed, left out, or has other limits.
+        tip: Name of the link on which the racket is mounted; None for the only link to which no other link is attached.
+        mount: Pose of the racket in the frame of the tip; None keeps the pose of the URDF's own racket, or puts a racket at the tip.
+        options: Joints to fix, links to leave out, and limits that replace those of the URDF.
+
+    Returns:
+        The arm as a checked URDF.
 
     Raises:
         UrdfError: The file cannot be used.
@@ -321,7 +335,7 @@ def read(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions
 
 
 def _check_names(tree: _Tree, options: UrdfOptions) -> None:
-    """Raise UrdfError for an option that names no joint or link."""
+    """Raise UrdfError if an option names a joint or link that is not in the URDF."""
     for where, names in (("limits", options.limits), ("fixed", options.fixed)):
         for name in names:
             if name not in tree.joints:
@@ -349,7 +363,7 @@ def _tip(tree: _Tree, tip: str | None) -> str:
 
 
 def _set_origin(element: ET.Element, placement: pin.SE3) -> None:
-    """Write a placement as the <origin> of an element."""
+    """Write a pose as the <origin> of an element."""
     origin = element.find("origin")
     if origin is None:
         origin = ET.SubElement(element, "origin")
@@ -358,7 +372,7 @@ def _set_origin(element: ET.Element, placement: pin.SE3) -> None:
 
 
 def _put_racket(tree: _Tree, tip: str, mount: pin.SE3 | None) -> None:
-    """Put the racket at its mount: that of the URDF, or a usual one."""
+    """Put the racket of the URDF, or else a usual racket, at the mount."""
     if RACKET in tree.links:
         joint = tree.above.get(RACKET)
         fixed = joint is not None and joint.get("type") == "fixed"
@@ -389,7 +403,7 @@ def _put_racket(tree: _Tree, tip: str, mount: pin.SE3 | None) -> None:
 
 
 def _fix(tree: _Tree, name: str, chain: list[str], fixed: Mapping[str, float]) -> None:
-    """Turn a joint into a fixed one at its position."""
+    """Change a moving joint to a fixed joint at the position that `_fixed_position` returns."""
     joint = tree.joints[name]
     kind = str(joint.get("type"))
     if kind in MOVING:
@@ -404,7 +418,7 @@ def _fix(tree: _Tree, name: str, chain: list[str], fixed: Mapping[str, float]) -
 
 
 def _fixed_position(tree: _Tree, name: str, chain: list[str], fixed: Mapping[str, float]) -> float:
-    """Return where (rad or m) a joint outside the chain is fixed."""
+    """Return the position (rad or m) at which a joint is fixed."""
     joint = tree.joints[name]
     if name in fixed:
         if not math.isfinite(fixed[name]):
@@ -436,7 +450,7 @@ def _check_moving(tree: _Tree, name: str) -> None:
 
 
 def _limits(tree: _Tree, name: str, given: Mapping[str, float]) -> JointDescription:
-    """Return the limits of a moving joint, and write them into the URDF, in which it is then revolute or prismatic."""
+    """Return the limits of a moving joint, and write them to the URDF, where the joint becomes revolute or prismatic."""
     joint = tree.joints[name]
     kind, element, where = str(joint.get("type")), joint.find("limit"), f"joint {name}"
     unknown = sorted(set(given) - set(LIMITS))
@@ -472,7 +486,7 @@ def _limits(tree: _Tree, name: str, given: Mapping[str, float]) -> JointDescript
 
 
 def _is_found(tree: _Tree, visual: ET.Element) -> bool:
-    """Write the absolute path of a visual element's mesh; return whether it is there: what is only looked at may be missing."""
+    """Replace the mesh names of a visual element by absolute paths; return whether the files exist, because such meshes may be missing."""
     for mesh in visual.iter("mesh"):
         try:
             mesh.set("filename", str(resolve(mesh.get("filename", ""), Path(tree.urdf))))
@@ -482,7 +496,7 @@ def _is_found(tree: _Tree, visual: ET.Element) -> bool:
 
 
 def _find_meshes(tree: _Tree, link: str) -> None:
-    """Write the absolute path of each mesh of the collision elements."""
+    """Replace the mesh names of a link's collision elements by absolute paths; raise UrdfError for a file that does not exist."""
     for mesh in tree.links[link].iterfind("collision//mesh"):
         name = mesh.get("filename", "")
         try:

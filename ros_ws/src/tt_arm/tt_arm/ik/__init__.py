@@ -1,1 +1,1 @@
-"""Inverse kinematics: which posture, and which joint speeds."""
+"""Inverse kinematics: search for the posture (joint positions) and the joint speeds of a stroke."""

@@ -1,7 +1,8 @@
-"""Kernel of the posture in closed form, for arms with a spherical shoulder, an elbow and a spherical wrist, as the PA10.
+"""Closed-form inverse kinematics for arms with a spherical shoulder, an elbow and a spherical wrist, such as the PA10.
 
-Their rotation is R = Rz(q1) Ry(q2) Rz(q3) Ry(q4) Rz(q5) Ry(q6) Rz(q7), dissertation (B.1)-(B.8), and no axis stands aside. `elbow_search`
-finds the best posture of such an arm in 0.4 of the time that `posture_search`, which takes any arm, needs (`scripts/bench arms`).
+The rotation of the flange of such an arm is R = Rz(q1) Ry(q2) Rz(q3) Ry(q4) Rz(q5) Ry(q6) Rz(q7), dissertation (B.1)-(B.8), and there is no
+lateral offset between successive joints. `elbow_search` finds the best posture of such an arm in 0.4 of the time that `posture_search`,
+which works for any arm, needs (`scripts/bench arms`).
 """
 
 from __future__ import annotations
@@ -14,18 +15,18 @@ import pinocchio as pin
 from numba import njit
 from tt_core.states import Array
 
-STRAIGHT = 1e-9  # m or rad, by which a joint may stand beside the place of the closed form
+STRAIGHT = 1e-9  # m or rad, largest deviation of a joint's pose from that of the closed form
 
 
 class ElbowArm(NamedTuple):
-    """The constants of such an arm.
+    """Geometry of an arm with a spherical shoulder, an elbow and a spherical wrist.
 
     Attributes:
-        base_rotation: (3, 3) frame before the first joint to table.
-        base_position: (3,) m, its origin in table.
-        lengths: (4,) m, l_b, l_s, l_e, l_w of Appendix B: base to shoulder, to elbow, to wrist, to flange.
-        mount_rotation: (3, 3) racket to flange.
-        mount_position: (3,) m, face centre in the flange's frame.
+        base_rotation: (3, 3) rotation from the frame before the first joint to `table`.
+        base_position: (3,) m, origin of this frame in `table`.
+        lengths: (4,) m, l_b, l_s, l_e, l_w of the dissertation's Appendix B: from base to shoulder, to elbow, to wrist, to flange.
+        mount_rotation: (3, 3) rotation from racket to flange.
+        mount_position: (3,) m, centre of the racket's face in the frame of the flange.
     """
 
     base_rotation: Array
@@ -36,11 +37,13 @@ class ElbowArm(NamedTuple):
 
 
 def elbow_arm(model: pin.Model, racket: pin.SE3) -> ElbowArm | None:
-    """Return the constants if the joints turn about z and y in turn, each straight above the one before; None for any other arm.
+    """Return the geometry of an arm that has the closed-form inverse kinematics; None for any other arm.
+
+    The closed form needs seven joints that rotate about z and y alternately, each on the z axis of the one before.
 
     Args:
-        model: Of pinocchio, its first joint placed in table.
-        racket: In the frame of the last joint.
+        model: Pinocchio's model of the arm, its first joint placed in `table`.
+        racket: Pose of the racket in the frame of the last joint.
     """
     if model.njoints != 8:
         return None
@@ -60,7 +63,7 @@ def elbow_arm(model: pin.Model, racket: pin.SE3) -> ElbowArm | None:
 
 @njit(cache=True)
 def _rotate(rotation: Array, axis: int, c: float, s: float) -> None:
-    """Multiply `rotation` (3, 3) in place from the right by Rz (axis 2) or Ry (axis 1) of the angle with cosine c and sine s."""
+    """Multiply `rotation` (3, 3) in place from the right by Rz (axis 2) or Ry (axis 1) of the angle with the cosine c and the sine s."""
     i, j = (0, 1) if axis == 2 else (2, 0)
     for k in range(3):
         a, b = rotation[k, i], rotation[k, j]
@@ -70,7 +73,7 @@ def _rotate(rotation: Array, axis: int, c: float, s: float) -> None:
 
 @njit(cache=True)
 def _point_along(rotation: Array, x: float, y: float, z: float, q: Array, i: int) -> None:
-    """Fill q[i] and q[i + 1] >= 0, for which Rz Ry brings the z axis of `rotation` along the unit vector (x, y, z); turn `rotation` so."""
+    """Compute q[i] and q[i + 1] >= 0 for which Rz Ry turns the z axis of `rotation` to the unit vector (x, y, z); apply them to it."""
     a = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
     b = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
     c = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
@@ -84,21 +87,21 @@ def _point_along(rotation: Array, x: float, y: float, z: float, q: Array, i: int
 
 @njit(cache=True)
 def inverse(position: Array, rotation: Array, swivel: float, arm: ElbowArm, q: Array) -> bool:
-    """Fill the joint angles for a racket pose and an elbow angle, in closed form.
+    """Compute the joint angles for a racket pose and an angle of the elbow, in closed form.
 
-    The shoulder, the wrist and the swivel angle give the elbow: it lies on a circle about the line from shoulder to wrist. Each pair of
-    joints then points one link along its direction, and the last joint turns the hand about its axis.
+    Positions of shoulder and wrist and the swivel angle determine the position of the elbow, which is on a circle about the line from
+    shoulder to wrist. Then each pair of joints gives one link its direction, and the last joint rotates the flange about its axis.
 
     Args:
-        position: (3,) m, face centre.
-        rotation: (3, 3) racket to table.
-        swivel: rad, of the elbow about the line from shoulder to wrist; 0 is up.
-        arm: The geometry.
-        q: (7,) rad; filled. q2, q4 and q6 are not negative. The other postures with the same links in space negate one of these and turn
-            its two neighbours by pi.
+        position: (3,) m in `table`, centre of the racket's face.
+        rotation: (3, 3) rotation from racket to `table`.
+        swivel: rad, angle of the elbow about the line from shoulder to wrist; 0 is up.
+        arm: Geometry of the arm.
+        q: (7,) rad, output: filled with the joint angles. q2, q4 and q6 are not negative. The other postures with the same position of all
+            links negate one or more of these and rotate the two joints beside each of them by pi.
 
     Returns:
-        Whether the wrist is within reach.
+        Whether the wrist is within reach; if not, `q` is not filled.
     """
     base_rotation, base_position, lengths, mount, beyond = arm
     flange, frame, line = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)

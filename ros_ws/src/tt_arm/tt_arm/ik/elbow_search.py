@@ -1,7 +1,8 @@
-"""Kernels of the search among all postures of an arm with a closed form, see `closed_form`, for a stroke.
+"""Search for the best posture (joint positions) of an arm with closed-form inverse kinematics (see `closed_form`) for a stroke.
 
-Two freedoms, the racket's turn about its normal and the elbow's swivel angle, give a posture in closed form. The search takes the best
-points of a grid over both and refines them.
+A posture of such an arm that holds the racket's face has two freedoms (free angles): the rotation of the racket about its normal, and the
+swivel angle of the elbow about the line from shoulder to wrist. Their values give the posture in closed form. The search computes the cost
+on a grid over both, and refines the best points.
 """
 
 from __future__ import annotations
@@ -29,53 +30,78 @@ from .posture_cost import (
     posture_weights,
 )
 
-SCATTERED = 173  # stride through the grid, to meet a good posture early: a prime that is larger than any grid
-STARTS = 2  # postures of the grid that are refined
-CLOSE = 3.0  # cost above the best of the grid, up to which a posture may still be refined to a better one
-STEEP = 8.0  # per rad of the step: a start that costs more than this above the best is given up
-MOST_STEPS = 1000  # of one descent, which takes about 30
-STEP_LEAST = 0.01  # rad, where the refinement ends
+SCATTERED = 173  # stride through the grid, so that a good posture is found early; a prime that is larger than any grid
+STARTS = 2  # number of postures of the grid that are refined
+CLOSE = 3.0  # largest excess over the lowest cost of the grid with which a posture may still be refined to the best one
+STEEP = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
+MOST_STEPS = 1000  # largest number of steps of one refinement, which takes about 30
+STEP_LEAST = 0.01  # rad, step size at which the refinement ends
 DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
 
 
 class Face(NamedTuple):
-    """What is asked of the racket."""
+    """Wanted state of the racket's face at the strike.
 
-    position: Array  # (3,) m, face centre
-    rotation: Array  # (3, 3) of the racket; its turn about z is free
-    velocity: Array  # (3,) m/s, of the face centre
+    Attributes:
+        position: (3,) m in `table`, face centre.
+        rotation: (3, 3) rotation from racket to `table`; the rotation about the racket's z axis, the face normal, is free.
+        velocity: (3,) m/s in `table`, velocity of the face centre.
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
 
 
 class WantedFace(NamedTuple):
-    """Where the face is wanted, and working memory."""
+    """Wanted position and rotation of the racket's face, with scratch memory.
 
-    position: Array  # (3,) m, face centre
-    rotation: Array  # (3, 3) of the racket; its turn about z is free
-    turned: Array  # (3, 3) the same after its turn
+    Attributes:
+        position: (3,) m in `table`, face centre.
+        rotation: (3, 3) rotation from racket to `table`; the rotation about the racket's z axis, the face normal, is free.
+        turned: (3, 3) scratch memory for the same rotation after a rotation about the normal.
+    """
+
+    position: Array
+    rotation: Array
+    turned: Array
 
 
 class Freedoms(NamedTuple):
-    """Values of both freedoms."""
+    """Values of the two free angles of a posture that holds the racket's face.
 
-    turn: float  # rad, of the racket about its normal
-    swivel: float  # rad, of the elbow
+    Attributes:
+        turn: rad, rotation of the racket about its normal.
+        swivel: rad, angle of the elbow about the line from shoulder to wrist; 0 is up.
+    """
+
+    turn: float
+    swivel: float
 
 
 class RefinedPosture(NamedTuple):
-    """Where a descent has ended."""
+    """Result of the refinement of one posture.
+
+    Attributes:
+        cost: Cost of the posture; inf if there is none.
+        turn: rad, rotation of the racket about its normal.
+        swivel: rad, angle of the elbow about the line from shoulder to wrist.
+        q: (7,) rad, joint positions.
+        qdot: (7,) rad/s, joint speeds.
+    """
 
     cost: float
-    turn: float  # rad, of the racket about its normal
-    swivel: float  # rad, of the elbow
-    q: Array  # (7,) rad
-    qdot: Array  # (7,) rad/s
+    turn: float
+    swivel: float
+    q: Array
+    qdot: Array
 
 
 @njit(cache=True, inline="always")
 def _choose_branch(q: Array, joints: JointTasks) -> float:
-    """Replace q (7,) by those angles for the same links in space that are nearest to the start.
+    """Replace q (7,) by the joint angles with the same positions of all links that are reached soonest from the start.
 
-    Each bit of the eight branches negates q2, q4 or q6 and turns its neighbours by pi.
+    There are eight such branches. Each of their three bits negates q2, q4 or q6 and rotates the two joints beside it by pi.
 
     Returns:
         The time (s) from the start at full speed; inf if all branches are beyond a position limit.
@@ -102,10 +128,10 @@ def _choose_branch(q: Array, joints: JointTasks) -> float:
 
 @njit(cache=True, inline="always")
 def _place(at: Freedoms, face: WantedFace, joints: JointTasks, arm: ElbowArm, q: Array) -> float:
-    """Fill q (7,) with the posture for both freedoms.
+    """Fill q (7,) with the posture for given values of both freedoms.
 
     Returns:
-        The time (s) to it at full speed; inf if it is out of reach.
+        The time (s) from the start to the posture at full speed; inf if it is out of reach.
     """
     c, s = math.cos(at.turn), math.sin(at.turn)
     rotation, turned = face.rotation, face.turned
@@ -118,14 +144,22 @@ def _place(at: Freedoms, face: WantedFace, joints: JointTasks, arm: ElbowArm, q:
 
 
 class Posture(NamedTuple):
-    """A posture with its joint speeds."""
+    """Posture and its joint speeds: q (7,) rad and qdot (7,) rad/s."""
 
-    q: Array  # (7,) rad
-    qdot: Array  # (7,) rad/s
+    q: Array
+    qdot: Array
 
 
 class Elbow(NamedTuple):
-    """What all steps of a search share."""
+    """Data that all steps of an elbow search use.
+
+    Attributes:
+        face: Wanted position and rotation of the racket's face.
+        task: Wanted velocity, joints and weights of the cost.
+        arm: Geometry of the arm for the closed form.
+        chain: Geometry of the arm.
+        scratch: Scratch memory of the cost.
+    """
 
     face: WantedFace
     task: PostureTask
@@ -138,17 +172,17 @@ class Elbow(NamedTuple):
 def _posture(
     at: Freedoms, face: WantedFace, task: PostureTask, arm: ElbowArm, chain: Chain, scratch: Scratch, bound: float, posture: Posture
 ) -> float:
-    """Fill the best posture for both freedoms.
+    """Compute the posture for given values of both freedoms, its best joint speeds and its cost.
 
     Args:
         at: Values of the freedoms.
-        face: Where the face is wanted.
-        task: What is asked.
-        arm: The geometry in closed form.
-        chain: The geometry.
-        scratch: Working memory.
-        bound: Cost that the posture must stay below.
-        posture: Filled.
+        face: Wanted position and rotation of the face.
+        task: Data of the search.
+        arm: Geometry of the arm for the closed form.
+        chain: Geometry of the arm.
+        scratch: Scratch memory.
+        bound: Cost below which the posture must be.
+        posture: Output: its arrays are filled.
 
     Returns:
         The cost; inf as soon as it is known to reach `bound`, or if there is no such posture.
@@ -162,14 +196,14 @@ def _posture(
 
 @njit(cache=True)
 def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: RefinedPosture) -> RefinedPosture:
-    """Refine a posture by a compass search with steps that halve.
+    """Refine a posture by a compass search over both freedoms, with steps that are halved when none is better.
 
     Args:
-        turn: rad, of the racket, where it starts.
-        swivel: rad, of the elbow, where it starts.
-        size: rad, the first step.
-        elbow: What is asked.
-        best: The best refined posture so far. The search ends where that one was found, and when it cannot become better.
+        turn: rad, rotation of the racket about its normal at the start.
+        swivel: rad, angle of the elbow at the start.
+        size: rad, first step size.
+        elbow: Data of the search.
+        best: The best refined posture so far. The search ends if it comes near to this one, or cannot become better.
     """
     face, task, arm, chain, scratch = elbow
     here_q, here_qdot, q, qdot = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
@@ -195,16 +229,19 @@ def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: Refine
 
 @njit(cache=True, nogil=True)
 def elbow_search(face: Face, start: Array, limits: JointBounds, weights: Array, grid: int, arm: ElbowArm, chain: Chain) -> BestPosture:
-    """Search the best posture: a grid over both freedoms, then a compass search from its best points.
+    """Search for the posture and joint speeds with the lowest cost: on a grid over both freedoms, then by a compass search.
 
     Args:
-        face: What is asked.
-        start: (3, 7) q (rad) and qdot (rad/s) where the arm comes from, and q where it waits.
-        limits: Of the joints.
-        weights: (6,) of `PostureWeights`.
-        grid: Values of each freedom.
-        arm: The geometry in closed form.
-        chain: The geometry.
+        face: Wanted position, rotation and velocity of the racket's face.
+        start: (3, 7) joint positions (rad) and speeds (rad/s) from which the arm starts, and joint positions of the waiting posture.
+        limits: (7,) limits of the joints.
+        weights: (6,) the fields of `PostureWeights`.
+        grid: Number of values of each freedom on the grid.
+        arm: Geometry of the arm for the closed form.
+        chain: Geometry of the arm.
+
+    Returns:
+        The best posture; its cost is inf if none was found.
     """
     task = PostureTask(face.velocity, joint_tasks(start, limits), posture_weights(weights))
     wanted, scratch = WantedFace(face.position, face.rotation, np.empty((3, 3))), cost_scratch(7)

@@ -1,11 +1,11 @@
-"""Kernels of Newton's method for the posture: from a seed to the face's position and normal, dissertation (4.62)-(4.63).
+"""Newton's method for the inverse kinematics, (4.62)-(4.63) of the dissertation.
 
-Position and normal are five conditions on n joints; the pseudo-inverse takes the shortest step that meets them, 1 m of a linear joint
-counting as 1 rad. Damping in proportion to the squared error (Levenberg and Marquardt) keeps the steps small near singular postures and
-does not slow the last ones.
+It starts from a seed (a posture) and changes it until the racket's face has the wanted position and normal. These are five conditions on n
+joints. The pseudo-inverse gives the shortest step that meets them, where 1 m of a linear joint counts as 1 rad. Damping in proportion to
+the squared error (Levenberg-Marquardt) keeps the steps small near singular postures and does not slow the last steps.
 
-`newton` ignores the position limits: the robot adjusts a posture with it to a racket state that has changed a little. `settle` keeps them:
-`posture_search` begins with it from seeds that may be far.
+`newton` ignores the position limits. The robot uses it to adjust a posture to a racket state that has changed a little. `settle` keeps the
+limits. `posture_search` uses it with seeds that may be far from the solution.
 """
 
 from __future__ import annotations
@@ -21,43 +21,60 @@ from ..kinematics import Chain, forward_into
 from .velocity_allocation import ONES, steady_rows_into
 
 MOST_STEPS = 50
-TOLERANCE = 7e-10  # m, and rad about either axis, where it ends: 1e-9 about both
-DAMPING = 1e-3  # per squared error (m^2, rad^2)
+TOLERANCE = 7e-10  # m, and rad about each of two axes, largest error of a solution: 1e-9 rad about both
+DAMPING = 1e-3  # damping per squared error (m^2, rad^2)
 LEAST_DAMPING = 1e-12
 LONGEST_STEP = 0.7  # rad or m, of any joint in one step of `settle`
 
 
 class NewtonPosture(NamedTuple):
-    """Where Newton's method ended."""
+    """Result of Newton's method.
+
+    Attributes:
+        converged: Whether the face has the wanted position and normal.
+        q: (n,) rad or m, last joint positions.
+        rows: (5, n) matrix from joint speeds to velocity and turning of the face in this posture, see `steady_rows`.
+    """
 
     converged: bool
-    q: Array  # (n,) rad or m
-    rows: Array  # (5, n) of `steady_rows` there, for joint speeds
+    q: Array
+    rows: Array
 
 
 class Target(NamedTuple):
-    """Where the face is wanted."""
+    """Wanted position (3,) m of the racket's face centre, and wanted unit normal (3,) of the face, both in `table`."""
 
-    position: Array  # (3,) m, face centre
-    normal: Array  # (3,) unit
+    position: Array
+    normal: Array
 
 
 class NewtonScratch(NamedTuple):
-    """Working memory."""
+    """Scratch memory of Newton's method for n joints.
 
-    error: Array  # (5,) what is missing: position (m), rotation about the racket's x and y axes (rad)
-    solved: Array  # (5,)
-    lower: Array  # (5, 5)
-    point: Array  # (3,)
-    rotation: Array  # (3, 3)
-    jacobian: Array  # (6, n)
-    step: Array  # (n,) rad or m
-    stuck: Array  # (n,) 1 for a joint that is held at its limit during a step, else 0
+    Attributes:
+        error: (5,) remaining error: position (m), rotation about the racket's x and y axes (rad).
+        solved: (5,) solution of the normal equations.
+        lower: (5, 5) Cholesky factor.
+        point: (3,) m, face centre in `table`.
+        rotation: (3, 3) rotation from racket to `table`.
+        jacobian: (6, n) Jacobian of the racket.
+        step: (n,) rad or m, step of the joints.
+        stuck: (n,) 1 for a joint that is kept at its limit during a step, else 0.
+    """
+
+    error: Array
+    solved: Array
+    lower: Array
+    point: Array
+    rotation: Array
+    jacobian: Array
+    step: Array
+    stuck: Array
 
 
 @njit(cache=True)
 def newton_scratch(n: int) -> NewtonScratch:
-    """Return working memory for n joints."""
+    """Return scratch memory of Newton's method for n joints."""
     return NewtonScratch(
         np.empty(5), np.empty(5), np.empty((5, 5)), np.empty(3), np.empty((3, 3)), np.empty((6, n)), np.empty(n), np.empty(n)
     )
@@ -65,10 +82,10 @@ def newton_scratch(n: int) -> NewtonScratch:
 
 @njit(cache=True)
 def _missing(position: Array, normal: Array, rotation: Array, point: Array, error: Array) -> float:
-    """Fill what is missing to a position (3,) and normal (3,), see `NewtonScratch.error`.
+    """Compute the error of a racket pose from a wanted position (3,) and normal (3,), see `NewtonScratch.error`.
 
     Returns:
-        The largest of its numbers; inf where the face looks the other way.
+        The largest absolute element of the error; inf if the angle between the normals is 90 degrees or more.
     """
     x, y, z = rotation[0, 2], rotation[1, 2], rotation[2, 2]
     tx, ty, tz = y * normal[2] - z * normal[1], z * normal[0] - x * normal[2], x * normal[1] - y * normal[0]
@@ -86,9 +103,9 @@ def _missing(position: Array, normal: Array, rotation: Array, point: Array, erro
 
 @njit(cache=True)
 def _least_step(rows: Array, scratch: NewtonScratch) -> None:
-    """Fill the step rows^T (rows rows^T + damping)^-1 error of the joints that are not stuck.
+    """Compute the damped Newton step rows^T (rows rows^T + damping)^-1 error of the joints that are not kept at a limit.
 
-    Cholesky's method takes a fifth of the time of a call of LAPACK.
+    The Cholesky decomposition written here takes a fifth of the time of a call of LAPACK.
     """
     error, solved, lower, step, stuck = scratch.error, scratch.solved, scratch.lower, scratch.step, scratch.stuck
     n, damping = rows.shape[1], LEAST_DAMPING
@@ -120,13 +137,16 @@ def _least_step(rows: Array, scratch: NewtonScratch) -> None:
 
 @njit(cache=True)
 def newton(position: Array, normal: Array, seed: Array, chain: Chain) -> NewtonPosture:
-    """Find the posture for a face position and normal.
+    """Find a posture with a wanted position and normal of the racket's face, ignoring the position limits.
 
     Args:
-        position: (3,) m, face centre.
-        normal: (3,) unit, face normal.
-        seed: (n,) rad or m, where the search starts.
-        chain: The geometry.
+        position: (3,) m in `table`, wanted position of the face centre.
+        normal: (3,) wanted unit normal of the face in `table`.
+        seed: (n,) rad or m, posture from which the iteration starts.
+        chain: Geometry of the arm.
+
+    Returns:
+        The posture. Its `converged` tells whether the iteration was successful.
     """
     n = len(seed)
     q, rows, scratch = seed.copy(), np.empty((5, n)), newton_scratch(n)
@@ -145,21 +165,21 @@ def newton(position: Array, normal: Array, seed: Array, chain: Chain) -> NewtonP
 
 @njit(cache=True)
 def settle(target: Target, bounds: Array, most: int, chain: Chain, q: Array, rows: Array, scratch: NewtonScratch) -> bool:
-    """Change q (n,) to a posture for a face position and normal within limits.
+    """Change a posture by Newton's method until the racket's face has a wanted position and normal, within the position limits.
 
-    A joint that a step would move beyond its limit stays at the limit, and the others make up for it.
+    A joint that a step would move beyond its limit stays at the limit, and the other joints make the motion instead.
 
     Args:
-        target: Where the face is wanted.
-        bounds: (n, 2) lowest and highest position, rad or m; infinite for a joint that may make whole turns.
-        most: Steps.
-        chain: The geometry.
-        q: (n,) rad or m, changed in place; within the limits.
-        rows: (5, n); filled with `steady_rows` there, for joint speeds.
-        scratch: Working memory.
+        target: Wanted position and normal of the face.
+        bounds: (n, 2) rad or m, lowest and highest position; infinite for a joint that can make whole turns.
+        most: Largest number of steps.
+        chain: Geometry of the arm.
+        q: (n,) rad or m, joint positions within the limits at the start; changed in place.
+        rows: (5, n) output: filled with the matrix from joint speeds to velocity and turning of the face, see `steady_rows`.
+        scratch: Scratch memory.
 
     Returns:
-        Whether there is one.
+        Whether the iteration converged to such a posture.
     """
     n, stuck, step = len(q), scratch.stuck, scratch.step
     for count in range(most + 1):

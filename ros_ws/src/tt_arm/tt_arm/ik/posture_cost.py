@@ -1,6 +1,7 @@
-"""Kernels of the cost of a posture for a stroke, and of the joint speeds that make it least.
+"""Cost of a posture for a stroke, and the joint speeds with which it is least.
 
-The cost of a posture is bounded from below in steps, the cheapest first, and a posture is given up as soon as it cannot be the best.
+Lower bounds of the cost are computed in steps, beginning with the one that takes the least computing time. A posture is given up as soon as
+a bound shows that it cannot be the best.
 """
 
 from __future__ import annotations
@@ -18,33 +19,41 @@ from ..kinematics import Chain, forward_into
 from ..trajectory.profiles import largest_end_speed, least_time, least_time_to_rest
 from .velocity_allocation import ONES, least_shares, least_shares_steady, steady_rows_into
 
-LIMIT_COST = 20.0  # per rad or m beyond the room kept from a position limit
-LATE_COST = 5.0  # for each of the times below that is too short
-LATER = (1.0, 1.1, 1.4, 2.0, 3.0, 1e3)  # times the swing time; the last one asks what the joints can do at all
-TOO_FAST_COST = 50.0  # for each share of the speed limits above 1
-UNRESOLVED = 1e-6  # m/s, by which the joint speeds may miss the velocity; more is a singular posture
+LIMIT_COST = 20.0  # per rad or m by which a joint comes nearer to its position limit than it should
+LATE_COST = 5.0  # for each of the times of LATER that is too short
+LATER = (1.0, 1.1, 1.4, 2.0, 3.0, 1e3)  # multiples of the swing time; with the last one, only the speed limits count
+TOO_FAST_COST = 50.0  # per 1 by which the largest share of the possible joint speeds exceeds 1
+UNRESOLVED = 1e-6  # m/s, largest error of the velocity that joint speeds may leave; a posture with a larger one is singular
 
 
 class PostureWeights(NamedTuple):
-    """What the cost of a posture weighs, see `ReachParams`. From Python it is passed as an array in this order.
+    """Weights of the cost of a posture, from ReachParams. Python code passes them as an array (6,) in this order.
 
-    A joint's rad stand for m where it is linear, here and below.
+    The unit rad of a joint stands for m if the joint is linear, here and below.
+
+    Attributes:
+        swing_time: s, time from the start to the strike.
+        affordable: Share of the possible joint speeds that may be used to keep the face from turning, 0 to 1.
+        turning: s/rad, cost of the rate at which the face normal turns.
+        margin: rad, distance of a posture from the position limits, in addition to the distance for braking.
+        back: 1/s, cost of the time from the strike until the arm waits again.
+        hold: s, time for which a joint may keep its speed before it brakes.
     """
 
-    swing_time: float  # s
+    swing_time: float
     affordable: float
-    turning: float  # s/rad
-    margin: float  # rad
-    back: float  # 1/s
-    hold: float  # s
+    turning: float
+    margin: float
+    back: float
+    hold: float
 
 
 JointTasks = npt.NDArray[np.void]  # (n,) of JOINT_TASK, a row for each joint
 JOINT_TASK = np.dtype(
     [
-        ("start", np.float64),  # rad, where the joint comes from
+        ("start", np.float64),  # rad, position from which the joint starts
         ("start_speed", np.float64),  # rad/s
-        ("waiting", np.float64),  # rad, where it goes afterwards
+        ("waiting", np.float64),  # rad, position of the waiting posture, to which it returns
         ("low", np.float64),  # rad, limits
         ("high", np.float64),  # rad
         ("speed", np.float64),  # rad/s, both ways
@@ -54,47 +63,80 @@ JOINT_TASK = np.dtype(
 
 
 class PostureTask(NamedTuple):
-    """What is asked of a posture."""
+    """Data that the cost of each posture of a search depends on.
 
-    velocity: Array  # (3,) m/s, of the face centre
+    Attributes:
+        velocity: (3,) m/s in `table`, wanted velocity of the racket's face centre.
+        joints: (n,) start, waiting position and limits of each joint.
+        weights: Weights of the cost.
+    """
+
+    velocity: Array
     joints: JointTasks
     weights: PostureWeights
 
 
 class BestPosture(NamedTuple):
-    """The result of a search."""
+    """Result of a posture search.
 
-    cost: float  # inf if there is no posture
-    q: Array  # (n,) rad or m
-    qdot: Array  # (n,) rad/s or m/s
+    Attributes:
+        cost: Cost of the best posture; inf if none was found.
+        q: (n,) rad or m, joint positions; those of the start if none was found.
+        qdot: (n,) rad/s or m/s, joint speeds; zero if none was found.
+    """
+
+    cost: float
+    q: Array
+    qdot: Array
 
 
 class SpeedRange(NamedTuple):
-    """Whether the joints can be at the posture in a time, and how soon they are back."""
+    """Whether all joints can reach a posture in a given time, and how long the return takes at least.
+
+    Attributes:
+        in_time: Whether all joints can be at the posture in this time.
+        back: s, lower bound of the time from the posture back to the waiting posture.
+    """
 
     in_time: bool
-    back: float  # s
+    back: float
 
 
 class Scratch(NamedTuple):
-    """Working memory of a search."""
+    """Scratch memory for the cost of a posture.
 
-    point: Array  # (3,) face centre
-    turned: Array  # (3, 3) rotation of the racket
-    jacobian: Array  # (6, n)
-    rows: Array  # (5, n) of `steady_rows`, for joint speeds
-    scaled: Array  # (5, n) the same for shares of the possible range of speeds
-    middle: Array  # (n,) rad/s, middle of that range
-    half: Array  # (n,) rad/s, half of its width
-    wanted: Array  # (5,) what the rows are to give beside `middle`
-    shares: Array  # (n,) of the range, the least ones
-    steady: Array  # (n,) of the range, those that keep the face still
-    mixed: Array  # (n,) rad/s
+    A "share" is a joint speed's difference from the middle of the joint's possible range of speeds, over half of the width of this range.
+
+    Attributes:
+        point: (3,) m, centre of the racket's face.
+        turned: (3, 3) rotation from racket to `table`.
+        jacobian: (6, n) Jacobian of the racket.
+        rows: (5, n) matrix from joint speeds to velocity and turning of the face, see `steady_rows`.
+        scaled: (5, n) the same matrix for shares.
+        middle: (n,) rad/s, middle of each joint's possible range of speeds.
+        half: (n,) rad/s, half of the width of this range.
+        wanted: (5,) velocity (m/s) and turning (rad/s) of the face that the shares must give in addition to the speeds `middle`.
+        shares: (n,) shares with the least maximum.
+        steady: (n,) shares that keep the face from turning.
+        mixed: (n,) rad/s, joint speeds.
+    """
+
+    point: Array
+    turned: Array
+    jacobian: Array
+    rows: Array
+    scaled: Array
+    middle: Array
+    half: Array
+    wanted: Array
+    shares: Array
+    steady: Array
+    mixed: Array
 
 
 @njit(cache=True)
 def cost_scratch(n: int) -> Scratch:
-    """Return working memory for n joints."""
+    """Return scratch memory for the cost of a posture of an arm with n joints."""
     return Scratch(
         np.empty(3), np.empty((3, 3)), np.empty((6, n)), np.empty((5, n)), np.empty((5, n)),
         np.empty(n), np.empty(n), np.empty(5), np.empty(n), np.empty(n), np.empty(n),
@@ -103,13 +145,18 @@ def cost_scratch(n: int) -> Scratch:
 
 @njit(cache=True)
 def posture_weights(row: Array) -> PostureWeights:
-    """Return the weights by name, from an array in their order."""
+    """Return the weights of an array (6,) as a NamedTuple."""
     return PostureWeights(row[0], row[1], row[2], row[3], row[4], row[5])
 
 
 @njit(cache=True)
 def joint_tasks(start: Array, limits: JointBounds) -> JointTasks:
-    """Return what is asked of each joint; start (3, n): q (rad) and qdot (rad/s) at the start, and q where the arm waits."""
+    """Return start, waiting position and limits of each joint as a structured array (n,) of JOINT_TASK.
+
+    Args:
+        start: (3, n) joint positions (rad) and speeds (rad/s) from which the arm starts, and joint positions (rad) of the waiting posture.
+        limits: (n,) limits of the joints.
+    """
     joints = np.empty(len(limits), JOINT_TASK)
     for i in range(len(limits)):
         joint, bound = joints[i], limits[i]
@@ -120,7 +167,12 @@ def joint_tasks(start: Array, limits: JointBounds) -> JointTasks:
 
 @njit(cache=True)
 def turning_rate(rows: Array, qdot: Array) -> float:
-    """Return the rate (rad/s) at which the face normal turns, for rows (5, n) of `steady_rows` and qdot (n,) in their unit."""
+    """Return the rate (rad/s) at which the normal of the racket's face turns.
+
+    Args:
+        rows: (5, n) matrix of `steady_rows`.
+        qdot: (n,) joint speeds (rad/s), or shares of the speed limits if `rows` is for these.
+    """
     x = y = 0.0
     for i in range(len(qdot)):
         x += rows[3, i] * qdot[i]
@@ -130,7 +182,16 @@ def turning_rate(rows: Array, qdot: Array) -> float:
 
 @njit(cache=True)
 def nearest_turn(q: float, start: float, low: float, high: float) -> float:
-    """Return the same angle (rad) at the turn nearest to the start, or at the next turn if only that is within the limits."""
+    """Return the angle that differs from q by whole turns and is nearest to the start.
+
+    If it is outside the limits and the angle one turn beside it is inside, that one is returned.
+
+    Args:
+        q: rad, angle of a joint.
+        start: rad, angle from which the joint starts.
+        low: rad, lower position limit.
+        high: rad, upper position limit.
+    """
     q += 2.0 * math.pi * round((start - q) / (2.0 * math.pi))
     if not low <= q <= high:
         for other in (q - 2.0 * math.pi, q + 2.0 * math.pi):
@@ -141,7 +202,7 @@ def nearest_turn(q: float, start: float, low: float, high: float) -> float:
 
 @njit(cache=True, inline="always")
 def _limit_cost(n: int, q: Array, qdot: Array, joints: JointTasks, margin: float, hold: float) -> float:
-    """Return the cost of joints without room to brake before a position limit, at once or after holding their speed for `hold` (s)."""
+    """Return the cost of joints that cannot brake before their position limit, at once or after keeping their speed for `hold` (s)."""
     cost = 0.0
     for i in range(n):
         joint = joints[i]
@@ -162,10 +223,10 @@ def _largest(n: int, shares: Array) -> float:
 
 @njit(cache=True, inline="always")
 def _hold_face_still(n: int, scratch: Scratch, affordable: float) -> bool:
-    """Fill `scratch.steady` with the shares that keep the face as still as `affordable` allows; the face centre moves alike.
+    """Fill `scratch.steady` with shares that turn the face as little as `affordable` permits, with the same velocity of the face centre.
 
     Returns:
-        Whether there are any.
+        Whether there are such shares.
     """
     shares, steady = scratch.shares, scratch.steady
     if _largest(n, shares) > affordable or least_shares_steady(scratch.scaled, scratch.wanted, steady) == math.inf:
@@ -182,7 +243,7 @@ def _hold_face_still(n: int, scratch: Scratch, affordable: float) -> bool:
 
 @njit(cache=True, inline="always")
 def _least_time_back(n: int, q: Array, task: PostureTask) -> float:
-    """Return the least time (s) from the posture to waiting, with whatever joint speeds are best."""
+    """Return the least time (s) from the posture to the waiting posture, with the best possible joint speeds at the start."""
     joints, back = task.joints, 0.0
     for i in range(n):
         joint = joints[i]
@@ -192,9 +253,9 @@ def _least_time_back(n: int, q: Array, task: PostureTask) -> float:
 
 @njit(cache=True, inline="always")
 def _speed_range(n: int, time: float, q: Array, task: PostureTask, scratch: Scratch) -> SpeedRange:
-    """Fill middle and half width of the joint speeds that are possible at the posture in `time` (s).
+    """Fill middle and half width of the ranges of joint speeds that are possible if the arm reaches the posture in `time` (s).
 
-    The returned time back is a lower bound: each joint takes the speed of its range that has it back soonest.
+    The returned time of the return is a lower bound: it assumes that each joint has the speed of its range with which it is back soonest.
     """
     joints = task.joints
     middle, half, in_time, back = scratch.middle, scratch.half, True, 0.0
@@ -211,7 +272,7 @@ def _speed_range(n: int, time: float, q: Array, task: PostureTask, scratch: Scra
 
 @njit(cache=True, inline="always")
 def _scale_rows(n: int, velocity: Array, scratch: Scratch) -> None:
-    """Express the wanted velocity, with a still face, in shares of the possible range of joint speeds."""
+    """Fill `scratch.scaled` and `scratch.wanted`: the equations for the shares that give the wanted velocity without turning the face."""
     rows, scaled, middle, half, wanted = scratch.rows, scratch.scaled, scratch.middle, scratch.half, scratch.wanted
     for k in range(5):
         wanted[k] = velocity[k] if k < 3 else 0.0
@@ -224,17 +285,17 @@ def _scale_rows(n: int, velocity: Array, scratch: Scratch) -> None:
 def _cheaper_speeds(
     n: int, least: float, late_cost: float, q: Array, qdot: Array, task: PostureTask, bound: float, scratch: Scratch
 ) -> float:
-    """Fill qdot (n,) with the cheaper of two joint speeds: the least ones, or those that keep the face still.
+    """Fill qdot (n,) with the joint speeds of lower cost: the least ones, or those that keep the face from turning.
 
     Args:
-        n: Count of the joints.
+        n: Number of joints.
         least: Lower bound of the cost without that of the speeds.
         late_cost: Cost of being late.
-        q: (n,) rad, the posture.
-        qdot: (n,) rad/s; filled if the result is not inf.
-        task: What is asked.
-        bound: Cost that a posture must stay below.
-        scratch: With rows, range of speeds and least shares.
+        q: (n,) rad, joint positions.
+        qdot: (n,) rad/s, output: filled if the result is not inf.
+        task: Data of the search.
+        bound: Cost below which a posture must be.
+        scratch: Scratch memory with rows, ranges of speeds and least shares.
 
     Returns:
         The cost; inf if the posture is singular.
@@ -266,7 +327,15 @@ def _cheaper_speeds(
 
 @njit(cache=True)
 def time_to(q: Array, joints: JointTasks) -> float:
-    """Return the time (s) from the start to a posture at full speed; inf if it is beyond a position limit."""
+    """Return the time in which the slowest joint moves from the start to a posture at its full speed.
+
+    Args:
+        q: (n,) rad, joint positions.
+        joints: (n,) start and limits of each joint.
+
+    Returns:
+        s; inf if the posture is beyond a position limit.
+    """
     longest = 0.0
     for i in range(len(q)):
         joint = joints[i]
@@ -277,25 +346,31 @@ def time_to(q: Array, joints: JointTasks) -> float:
 
 
 class PostureQuestion(NamedTuple):
-    """What is asked of one posture."""
+    """Data that the computation of one posture's cost needs.
 
-    nearest: float  # s, of `time_to`
-    bound: float  # cost that the posture must stay below
-    known: bool  # whether the rows of the working memory are already those of the posture
+    Attributes:
+        nearest: s, time from the start to the posture at full speed, the result of `time_to`.
+        bound: Cost below which the posture must be; the computation ends when it is known to be higher.
+        known: Whether `Scratch.rows` already is the matrix of this posture.
+    """
+
+    nearest: float
+    bound: float
+    known: bool
 
 
 @njit(cache=True, inline="always")
 def cost_of_joints(n: int, q: Array, question: PostureQuestion, task: PostureTask, chain: Chain, qdot: Array, scratch: Scratch) -> float:
-    """Fill the best joint speeds qdot (n,) at a posture.
+    """Compute the best joint speeds at a posture, and the cost of the posture with them.
 
     Args:
-        n: Count of the joints; a constant lets the compiler unroll the loops.
-        q: (n,) rad or m, the posture.
-        question: What is asked.
-        task: What is asked of every posture.
-        chain: The geometry.
-        qdot: (n,) rad/s or m/s; filled.
-        scratch: Working memory.
+        n: Number of joints; with a constant the compiler unrolls the loops.
+        q: (n,) rad or m, joint positions.
+        question: Data of this posture, and the bound of its cost.
+        task: Data of the search.
+        chain: Geometry of the arm.
+        qdot: (n,) rad/s or m/s, output: filled with the joint speeds.
+        scratch: Scratch memory.
 
     Returns:
         The cost; inf as soon as it is known to reach the bound, or if the posture cannot give the velocity.

@@ -1,8 +1,9 @@
-"""Kernels of the search among all postures of any arm for a stroke.
+"""Search for the best posture (joint positions) of any arm for a stroke.
 
-Face position and normal are five conditions, so an arm with n joints has n - 5 freedoms left. The search knows an arm by its atlas: many
-postures within its limits, with the position and normal of the face. It settles those whose face is nearest to the wanted one by Newton's
-method, takes the cheapest, and refines them along the freedoms that are left: a step along the null space of the five rows, settled again.
+Position and normal of the racket's face are five conditions, so an arm with n joints has n - 5 freedoms. The search uses the atlas of the
+arm: many precomputed postures within its limits, with the position and normal of the face in each. Newton's method changes those postures
+whose face is nearest to the wanted one until they have the wanted face ("settles" them). The search then takes the postures with the lowest
+cost and refines them along the freedoms: it makes a step in the null space of the five conditions and settles the posture again.
 """
 
 from __future__ import annotations
@@ -31,28 +32,28 @@ from .posture_cost import (
     time_to,
 )
 
-ATLAS_SIZE = 20_000  # 5 ms to make
-PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
-PROBES, WIDER = 200, 2.0  # other postures that tell how far a face in reach may be from the atlas; times the furthest of them
-NORMAL_SCALE = 0.5  # m that count in the distance of two faces as much as 1 of their normals' difference
-SEED_STEPS, REFINE_STEPS = 20, 6  # of Newton's method
-STARTS = 2  # postures that are refined
-CLOSE = 3.0  # cost above the best one, up to which a posture may still be refined to a better one
-STEEP = 8.0  # per rad of the step: a start that costs more than this above the best is given up
-MOST_STEPS = 300  # of one descent, which takes about 30
-FIRST_STEP, LAST_STEP = 0.25, 0.01  # rad, of a descent
-SAME = 0.05  # rad or m, in every joint, below which two postures are refined to the same
-INDEPENDENT = 1e-3  # length of a unit vector's part in the null space, below which it adds no direction
+ATLAS_SIZE = 20_000  # number of postures; it takes 5 ms to compute them
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)  # bases of the Halton sequences of the joints
+PROBES, WIDER = 200, 2.0  # test postures for the distance of a reachable face from the atlas; factor on the largest one
+NORMAL_SCALE = 0.5  # m; a difference of 1 between two unit normals counts as this distance
+SEED_STEPS, REFINE_STEPS = 20, 6  # largest numbers of Newton steps for a posture of the atlas, and in the refinement
+STARTS = 2  # number of postures that are refined
+CLOSE = 3.0  # largest excess over the lowest cost with which a posture may still be refined to the best one
+STEEP = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
+MOST_STEPS = 300  # largest number of steps of one refinement, which takes about 30
+FIRST_STEP, LAST_STEP = 0.25, 0.01  # rad, first and last step size of a refinement
+SAME = 0.05  # rad or m; two postures that differ by less than this in every joint are refined to the same one
+INDEPENDENT = 1e-3  # least squared length of a unit vector's part in the null space with which it gives another direction
 
 
 class Atlas(NamedTuple):
-    """Postures of an arm.
+    """Precomputed postures all over the joint limits of an arm, with the position and normal of the racket's face in each.
 
     Attributes:
-        postures: (n, size) rad or m; one row for each joint, for speed.
-        faces: (6, size) position (m) and NORMAL_SCALE times the normal of the face.
-        bounds: (n, 2) rad or m, that Newton's method keeps; infinite for a joint that may make whole turns.
-        widest: m^2, squared distance of a face to the nearest one of the atlas, beyond which it is out of reach.
+        postures: (n, size) rad or m, joint positions; one row for each joint, for speed.
+        faces: (6, size) position (m) of the face centre, and NORMAL_SCALE times the unit normal of the face, in each posture, in `table`.
+        bounds: (n, 2) rad or m, position limits for Newton's method; infinite for a joint that can make whole turns.
+        widest: m^2; a face whose squared distance to the nearest one of the atlas is larger than this is out of reach.
     """
 
     postures: Array
@@ -63,7 +64,15 @@ class Atlas(NamedTuple):
 
 @njit(cache=True)
 def fill_faces(postures: Array, chain: Chain) -> Array:
-    """Return `Atlas.faces` of postures (n, size)."""
+    """Compute positions and normals of the racket's face in many postures.
+
+    Args:
+        postures: (n, size) rad or m, joint positions.
+        chain: Geometry of the arm.
+
+    Returns:
+        (6, size) position (m) of the face centre and NORMAL_SCALE times the unit normal, as in `Atlas.faces`.
+    """
     n, size = postures.shape
     faces, q = np.empty((6, size)), np.empty(n)
     point, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, n))
@@ -78,7 +87,7 @@ def fill_faces(postures: Array, chain: Chain) -> Array:
 
 @njit(cache=True, fastmath=True)
 def _distances(target: Target, faces: Array, distances: Array) -> None:
-    """Fill the squared distance (m^2) of each face of the atlas to the wanted one."""
+    """Fill `distances` with the squared distance (m^2) of each face of the atlas to the wanted face."""
     x, y, z = target.position[0], target.position[1], target.position[2]
     u, v, w = NORMAL_SCALE * target.normal[0], NORMAL_SCALE * target.normal[1], NORMAL_SCALE * target.normal[2]
     for m in range(faces.shape[1]):
@@ -90,7 +99,7 @@ def _distances(target: Target, faces: Array, distances: Array) -> None:
 
 @njit(cache=True)
 def _nearest(distances: Array, count: int) -> npt.NDArray[np.int64]:
-    """Return the indices (count,) of the least distances, in order."""
+    """Return the indices (count,) of the smallest distances, in increasing order."""
     found, values = np.zeros(count, np.int64), np.full(count, np.inf)
     for m in range(len(distances)):
         distance = distances[m]
@@ -105,7 +114,7 @@ def _nearest(distances: Array, count: int) -> npt.NDArray[np.int64]:
 
 @njit(cache=True)
 def _free_directions(rows: Array, directions: Array) -> int:
-    """Fill directions (3, n) with an orthonormal basis of the null space of rows (5, n), at most three; return how many there are."""
+    """Fill directions (3, n) with an orthonormal basis of the null space of rows (5, n); return the number of vectors, at most three."""
     n = rows.shape[1]
     basis, count = np.empty((8, n)), 0
     for k in range(5):
@@ -131,7 +140,11 @@ def _free_directions(rows: Array, directions: Array) -> int:
 
 @njit(cache=True)
 def _orthonormal(vector: Array, basis: Array, count: int, least: float) -> int:
-    """Append the part of a vector that is square to the first `count` rows of basis; return 1, or 0 if it is not longer than `least`."""
+    """Append the normalised part of a vector that is orthogonal to the first `count` rows of basis.
+
+    Returns:
+        1; or 0 if this part is not longer than `least`, so that nothing is appended.
+    """
     n = len(vector)
     for i in range(n):
         basis[count, i] = vector[i]
@@ -154,7 +167,16 @@ def _orthonormal(vector: Array, basis: Array, count: int, least: float) -> int:
 
 
 class Search(NamedTuple):
-    """What all steps of a search share."""
+    """Data that all steps of a posture search use.
+
+    Attributes:
+        target: Wanted position and normal of the face.
+        task: Wanted velocity, joints and weights of the cost.
+        atlas: Precomputed postures of the arm.
+        chain: Geometry of the arm.
+        newton: Scratch memory of Newton's method.
+        scratch: Scratch memory of the cost.
+    """
 
     target: Target
     task: PostureTask
@@ -166,7 +188,7 @@ class Search(NamedTuple):
 
 @njit(cache=True)
 def _settled_cost(search: Search, steps: int, bound: float, q: Array, qdot: Array) -> float:
-    """Settle q (n,) in place and return its cost, with the joint speeds filled; see `cost_of_joints`."""
+    """Settle q (n,) in place by Newton's method, fill the joint speeds qdot (n,), and return the cost; see `cost_of_joints`."""
     joints, bounds = search.task.joints, search.atlas.bounds
     if not settle(search.target, bounds, steps, search.chain, q, search.scratch.rows, search.newton):
         return math.inf
@@ -181,17 +203,17 @@ def _settled_cost(search: Search, steps: int, bound: float, q: Array, qdot: Arra
 
 @njit(cache=True)
 def _descend(search: Search, cost: float, best: float, q: Array, qdot: Array) -> float:
-    """Refine a posture in place by a compass search along the free directions, with steps that halve.
+    """Refine a posture in place by a compass search along the freedoms, with steps that are halved when none is better.
 
     Args:
-        search: What is asked.
-        cost: Of the posture.
-        best: Cost of the best refined posture so far; the search ends when it cannot become better.
-        q: (n,) rad or m.
-        qdot: (n,) rad/s or m/s.
+        search: Data of the search.
+        cost: Cost of the posture.
+        best: Cost of the best refined posture so far; the search ends when it cannot become better than this.
+        q: (n,) rad or m, joint positions, changed in place.
+        qdot: (n,) rad/s or m/s, joint speeds, changed in place.
 
     Returns:
-        The cost.
+        The cost of the refined posture.
     """
     n = len(q)
     trial, trial_qdot, directions = np.empty(n), np.empty(n), np.zeros((3, n))
@@ -237,17 +259,20 @@ def _descend(search: Search, cost: float, best: float, q: Array, qdot: Array) ->
 def search(
     target: Target, velocity: Array, start: Array, limits: JointBounds, weights: Array, count: int, atlas: Atlas, chain: Chain
 ) -> BestPosture:
-    """Search the best posture.
+    """Search for the posture and joint speeds with the lowest cost among all postures of an arm.
 
     Args:
-        target: Where the face is wanted.
-        velocity: (3,) m/s, of the face centre.
-        start: (3, n) q and qdot where the arm comes from, and q where it waits.
-        limits: Of the joints.
-        weights: (6,) of `PostureWeights`.
-        count: Postures of the atlas that are settled.
-        atlas: Of the arm.
-        chain: The geometry.
+        target: Wanted position and normal of the racket's face.
+        velocity: (3,) m/s in `table`, wanted velocity of the face centre.
+        start: (3, n) joint positions and joint speeds from which the arm starts, and joint positions of the waiting posture.
+        limits: (n,) limits of the joints.
+        weights: (6,) the fields of `PostureWeights`.
+        count: Number of postures of the atlas from which the search starts.
+        atlas: Precomputed postures of the arm.
+        chain: Geometry of the arm.
+
+    Returns:
+        The best posture; its cost is inf if none was found.
     """
     n = len(limits)
     task = PostureTask(velocity, joint_tasks(start, limits), posture_weights(weights))
@@ -281,19 +306,22 @@ def search(
 
 @njit(cache=True, nogil=True)
 def any_posture(target: Target, seed: Array, limits: JointBounds, count: int, atlas: Atlas, chain: Chain, q: Array) -> bool:
-    """Fill q (n,) with the first posture within the limits that is found: from the seed, then from the nearest faces of the atlas.
+    """Find any posture within the joint limits that has a wanted position and normal of the racket's face.
+
+    Newton's method starts from the seed, and then from the postures of the atlas whose face is nearest to the wanted one, until it finds a
+    posture within the limits.
 
     Args:
-        target: Where the face is wanted.
-        seed: (n,) rad or m, where the arm is.
-        limits: Of the joints.
-        count: Postures of the atlas that are settled at most.
-        atlas: Of the arm.
-        chain: The geometry.
-        q: (n,) rad or m; filled.
+        target: Wanted position and normal of the face.
+        seed: (n,) rad or m, present joint positions.
+        limits: (n,) limits of the joints.
+        count: Largest number of postures of the atlas that are tried.
+        atlas: Precomputed postures of the arm.
+        chain: Geometry of the arm.
+        q: (n,) rad or m, output: filled with the posture.
 
     Returns:
-        Whether there is one.
+        Whether a posture was found. If not, the content of `q` has no meaning.
     """
     n, distances = len(seed), np.empty(atlas.faces.shape[1])
     rows, scratch, seeds = np.empty((5, n)), newton_scratch(n), np.zeros(0, np.int64)
@@ -318,11 +346,11 @@ def any_posture(target: Target, seed: Array, limits: JointBounds, count: int, at
 
 
 def make_atlas(chain: Chain, position: Array) -> Atlas:
-    """Return the atlas of an arm: ATLAS_SIZE postures spread evenly over the limits by a Halton sequence.
+    """Compute the atlas of an arm: ATLAS_SIZE postures that are distributed evenly over the joint limits by a Halton sequence.
 
     Args:
-        chain: The geometry.
-        position: (n, 2) rad or m, limits of the joints.
+        chain: Geometry of the arm.
+        position: (n, 2) rad or m, position limits of the joints.
     """
     low, high = position.T
     whole = ~chain.linear & (high - low >= 2.0 * math.pi)  # these joints are the same after a turn
@@ -338,7 +366,7 @@ def make_atlas(chain: Chain, position: Array) -> Atlas:
 
 
 def _halton(prime: int, size: int) -> Array:
-    """Return the Halton sequence (size,) of a prime: the digits of each number, mirrored at the point."""
+    """Return the Halton sequence (size,) of a prime: numbers between 0 and 1 whose digits are those of 1, 2, 3, ... in reverse order."""
     numbers, values, share = np.arange(1, size + 1), np.zeros(size), 1.0
     while numbers.any():
         share /= prime

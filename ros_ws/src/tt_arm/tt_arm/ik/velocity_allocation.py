@@ -1,13 +1,13 @@
-"""Joint speeds that give the racket a velocity and spare the joint that is nearest to its speed limit.
+"""Compute joint speeds that give the racket a velocity, such that the largest ratio of a joint's speed to its limit is least.
 
-The shares x_i = qdot_i / limit_i are wanted with the least max |x_i|.
+The unknowns are the shares x_i = qdot_i / limit_i, and max |x_i| is minimised.
 
-For the velocity V alone (three rows): with the columns a_i = (speed limit i) (column i of the Jacobian), sum a_i x_i = V. The velocities
-that are possible with |x_i| <= 1 fill a zonotope. So the least maximum is the gauge of V in it: the largest |V.n| / sum |a_k.n| over
-the normals n = a_i x a_j of its faces. On the best face all shares are the least maximum with the sign of a_k.n, but for those of the
-columns in the face. These are the same problem in a plane.
+For the velocity V alone (three equations): with the columns a_i = (speed limit i) (column i of the Jacobian), the equation is
+sum a_i x_i = V. The velocities that are possible with |x_i| <= 1 fill a zonotope. So the least maximum is the gauge of V in it: the largest
+|V.n| / sum |a_k.n| over the normals n = a_i x a_j of its faces. On the best face all shares equal the least maximum with the sign of a_k.n,
+except those of the columns that lie in the face. For these there is the same problem in a plane.
 
-For the velocity and a still face normal (five rows) see `least_shares_steady`.
+For the velocity and a face normal that does not turn (five equations) see `least_shares_steady`.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 Vector = tuple[float, float, float]
 Indices = npt.NDArray[np.int64]
 
-PARALLEL = 1e-9  # sine below which directions count as parallel
-ONES = np.ones(8)  # in the place of speed limits
+PARALLEL = 1e-9  # sine of the angle below which directions count as parallel
+ONES = np.ones(8)  # instead of speed limits, for `steady_rows` of joint speeds
 
 
 class NoJointSpeeds(TtError):
-    """No joint speeds move the racket as asked.
+    """No joint speeds give the racket the asked velocity.
 
     Attributes:
-        q: (n,) rad or m, the posture.
-        velocity: (3,) m/s, as asked.
+        q: (n,) rad or m, joint positions.
+        velocity: (3,) m/s in `table`, asked velocity of the face centre.
     """
 
     def __init__(self, q: Array, velocity: Array) -> None:
@@ -47,7 +47,7 @@ class NoJointSpeeds(TtError):
 
 @njit(cache=True)
 def _component(columns: Array, k: int, x: float, y: float, z: float) -> float:
-    """Return the component of column k along (x, y, z); exactly 0 where it is square to it but for rounding."""
+    """Return the component of column k along (x, y, z); exactly 0 if they are orthogonal except for rounding."""
     height = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
     size = max(abs(columns[0, k]), abs(columns[1, k]), abs(columns[2, k]))
     return height if abs(height) > PARALLEL * (1.0 + size) else 0.0
@@ -103,7 +103,7 @@ def _least_in_plane(columns: Array, n: int, normal: Vector, rest: Vector, shares
 
 @njit(cache=True, inline="always")
 def _least_shares(columns: Array, n: int, velocity: Array, shares: Array, most: float) -> float:
-    """Do what `least_shares` does, for n columns."""
+    """Do what `least_shares` does, for n columns of which n is known to the compiler."""
     best, nx, ny, nz = -1.0, 0.0, 0.0, 0.0
     for i in range(n):
         for j in range(i):
@@ -139,16 +139,16 @@ def _least_shares(columns: Array, n: int, velocity: Array, shares: Array, most: 
 
 @njit(cache=True)
 def least_shares(columns: Array, velocity: Array, shares: Array, most: float = math.inf) -> float:
-    """Fill the shares with the least maximum that give a velocity.
+    """Compute joint speeds that give the racket a velocity, as shares of the speed limits with the least possible maximum.
 
     Args:
-        columns: (3, n) or more rows, of which three are read: m/s of the racket for each joint at its speed limit.
-        velocity: (3,) m/s or more numbers, of which three are read.
-        shares: (n,) of the speed limits; filled.
-        most: Bound, above which the search ends.
+        columns: (3, n) m/s, velocity of the racket that each joint gives at its speed limit. More rows are ignored.
+        velocity: (3,) m/s, wanted velocity of the face centre. More numbers are ignored.
+        shares: (n,) output: filled with the joint speeds over their limits.
+        most: The search ends as soon as it is known that the maximum is larger than this.
 
     Returns:
-        The least max |share|; inf if the velocity is impossible, or as soon as it is seen to need more than `most`.
+        The least maximum of |share|; inf if the velocity is impossible, or needs more than `most`.
     """
     if columns.shape[1] == 7:  # a constant, so that the compiler unrolls the loops: twice as fast
         return _least_shares(columns, 7, velocity, shares, most)
@@ -183,7 +183,7 @@ def _determinant(free: Array, a: int, b: int, c: int) -> float:
 
 @njit(cache=True)
 def _weights(free: Array, rows: Indices, weights: Array) -> None:
-    """Fill the weights (k + 1,) for which the rows (k + 1,) of free (n, k) add up to zero: minors with alternating signs."""
+    """Fill the weights (k + 1,) with which the sum of the rows (k + 1,) of free (n, k) is zero: minors with alternating signs."""
     k = free.shape[1]
     sign, left = 1.0, np.zeros(4, np.int64)
     for m in range(k + 1):
@@ -225,9 +225,9 @@ def _next_subset(rows: Indices, count: int, n: int) -> bool:
 
 @njit(cache=True)
 def _corner(base: Array, free: Array, best: float, y: Array) -> None:
-    """Fill y (k,) with the least maximum among the points where k shares are +-best.
+    """Fill y (k,) with the point of least maximum among those at which k shares are +-best.
 
-    Needed where the best k + 1 joints have shares alike, so that they do not determine y.
+    It is needed if the equations of the best k + 1 joints are dependent, so that they do not determine y.
     """
     n, k = free.shape
     least, rows, values, trial = math.inf, np.arange(4, dtype=np.int64), np.empty(3), np.empty(k)
@@ -314,7 +314,7 @@ def _least_maximum(base: Array, free: Array, y: Array) -> float:
 
 @njit(cache=True, inline="always")
 def _least_shares_steady(rows: Array, n: int, wanted: Array, shares: Array) -> float:
-    """Do what `least_shares_steady` does, for n columns."""
+    """Do what `least_shares_steady` does, for n columns of which n is known to the compiler."""
     a, order, base, free, y = np.empty((5, n + 1)), np.arange(n), np.zeros(n), np.zeros((n, n - 5)), np.empty(n - 5)
     a[:, :n], a[:, n] = rows, wanted
     for i in range(5):
@@ -354,18 +354,18 @@ def _least_shares_steady(rows: Array, n: int, wanted: Array, shares: Array) -> f
 
 @njit(cache=True)
 def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
-    """Fill the shares with the least maximum that give a velocity and two turning rates of the face normal.
+    """Compute joint speeds that give the racket a velocity and its face normal two turning rates, with the least possible maximum share.
 
-    Elimination with full pivoting leaves n - 5 free shares y: x_i = b_i + f_i . y for each joint i, with `base` b and `free` f; see
-    `_least_maximum`.
+    A share is a joint speed over its limit. Gaussian elimination with full pivoting leaves n - 5 free shares y: x_i = b_i + f_i . y for
+    each joint i, with `base` b and `free` f; see `_least_maximum`.
 
     Args:
-        rows: (5, n) of `steady_rows`.
-        wanted: (5,) velocity (m/s) and turning rates (rad/s) that the rows are to give.
-        shares: (n,) of the speed limits; filled.
+        rows: (5, n) matrix of `steady_rows` for shares.
+        wanted: (5,) wanted velocity (m/s) and turning rates about the racket's x and y axes (rad/s).
+        shares: (n,) output: filled with the joint speeds over their limits.
 
     Returns:
-        The least max |share|; inf if the rows are dependent.
+        The least maximum of |share|; inf if the rows are linearly dependent.
     """
     if rows.shape[1] == 7:  # as in `least_shares`
         return _least_shares_steady(rows, 7, wanted, shares)
@@ -374,7 +374,14 @@ def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
 
 @njit(cache=True)
 def steady_rows_into(jacobian: Array, rotation: Array, limits: Array, rows: Array) -> None:
-    """Fill what `steady_rows` returns."""
+    """Compute the matrix that `steady_rows` returns into a given array.
+
+    Args:
+        jacobian: (6, n) Jacobian of `kinematics.forward`.
+        rotation: (3, 3) rotation from racket to `table`.
+        limits: (n,) rad/s or m/s, speed limits; ones give the matrix for joint speeds.
+        rows: (5, n) output: filled with the matrix.
+    """
     for i in range(rows.shape[1]):
         for k in range(3):
             rows[k, i] = jacobian[k, i] * limits[i]
@@ -385,15 +392,17 @@ def steady_rows_into(jacobian: Array, rotation: Array, limits: Array, rows: Arra
 
 @njit(cache=True)
 def steady_rows(jacobian: Array, rotation: Array, limits: Array) -> Array:
-    """Return the rows that map shares of the speed limits to the racket's motion.
+    """Return the matrix that maps joint speeds, as shares of the speed limits, to the five quantities of the racket's motion that matter.
+
+    These are the velocity of the face centre and the turning rates of the face normal. The rotation about the normal has no influence.
 
     Args:
-        jacobian: (6, n) of `kinematics.forward`.
-        rotation: (3, 3) racket to table.
-        limits: (n,) rad/s or m/s, speed limits; ones give the rows for joint speeds.
+        jacobian: (6, n) Jacobian of `kinematics.forward`.
+        rotation: (3, 3) rotation from racket to `table`.
+        limits: (n,) rad/s or m/s, speed limits; ones give the matrix for joint speeds.
 
     Returns:
-        (5, n): velocity of the face centre (m/s), and turning rates of its normal about the racket's x and y axes (rad/s).
+        (5, n): velocity of the face centre in `table` (m/s), and turning rates of its normal about the racket's x and y axes (rad/s).
     """
     rows = np.empty((5, jacobian.shape[1]))
     steady_rows_into(jacobian, rotation, limits, rows)
@@ -401,16 +410,16 @@ def steady_rows(jacobian: Array, rotation: Array, limits: Array) -> Array:
 
 
 def allocate(model: ArmModel, q: Array, velocity: Array, *, steady: bool = False) -> Array:
-    """Compute the joint speeds that move the face centre with the least max |qdot_i| / limit_i. They may be beyond the limits.
+    """Compute the joint speeds that give the racket's face centre a velocity, with the least possible maximum of speed over limit.
 
     Args:
         model: The arm.
-        q: (n,) rad or m, the posture.
-        velocity: (3,) m/s in `table`.
-        steady: Whether the face normal must not turn; otherwise its turning is free.
+        q: (n,) rad or m, joint positions.
+        velocity: (3,) m/s in `table`, wanted velocity of the face centre.
+        steady: Whether the face normal must not turn. If False, its turning is free.
 
     Returns:
-        (n,) rad/s or m/s.
+        (n,) rad/s or m/s joint speeds, which may exceed the limits.
 
     Raises:
         NoJointSpeeds: No joint speeds give this velocity.

@@ -1,9 +1,9 @@
-"""Which bodies of an arm must be kept from touching each other.
+"""Select the pairs of an arm's bodies that must be checked for contact with each other.
 
-Bodies on the same link, and bodies with one joint between them, meet at that joint, whose limits keep them apart. A joint about whose axis
-a body lies does not count: it does not move the body. Bodies that overlap in most postures, or are near each other in nearly all, are
-neighbours too: the joints between them share a place, as in a wrist, and capsules are too coarse to tell whether they touch. Bodies that
-stay apart whatever the joints between them do are not compared either.
+Not checked are: bodies of the same link; bodies with one joint between them, which the limits of this joint keep apart (a joint about whose
+axis a body lies does not count, because it does not move the body); bodies that overlap in most postures or are near each other in nearly
+all, because the joints between them are at the same place, as in a wrist, and capsules are too coarse to tell whether they touch; and
+bodies that stay apart in all postures.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from ..arm_urdf.geometry import ABOUT, lever
 from ..kinematics import Bodies, place_bodies
 from .clearance import Pairs, Places, between_segments, from_segment, places
 
-POSTURES = 500  # random ones that are looked at
-MOSTLY = 0.5  # share of the postures in which neighbours overlap at least; bodies that do so less can be kept apart
-NEAR, NEARLY_ALL = 0.05, 0.95  # m, and share of the postures, in which neighbours are within this distance
-APART = 0.05  # m, clearance of bodies that need not be compared
-MOST_LOOKS = 2000  # at ranges of postures, after which bodies are compared because it is not known that they stay apart
+POSTURES = 500  # number of random postures in which the distances are computed
+MOSTLY = 0.5  # share of the postures; bodies that overlap in at least this share are neighbours and are not checked
+NEAR, NEARLY_ALL = 0.05, 0.95  # m, and share of the postures; bodies within this distance in this share are neighbours, too
+APART = 0.05  # m, least distance in all postures of bodies that need not be checked
+MOST_LOOKS = 2000  # number of ranges of postures after which bodies are checked, because it is not proved that they stay apart
 
 
 @njit(cache=True)
 def _between(m: int, other: int, at: Places, bodies: Bodies) -> float:
-    """Return the distance (m) between two capsules, or of a sphere around the racket where `other` is -1."""
+    """Return the distance (m) between two capsules, or between a capsule and a sphere around the racket if `other` is -1."""
     if other >= 0:
         return between_segments(at.starts, at.ends, m, other) - bodies.radii[m] - bodies.radii[other]
     return from_segment(at.face[0], at.face[1], at.face[2], at.starts, at.ends, m) - bodies.radii[m] - bodies.rim
@@ -33,7 +33,16 @@ def _between(m: int, other: int, at: Places, bodies: Bodies) -> float:
 
 @njit(cache=True)
 def pair_distances(postures: Array, pairs: Pairs, bodies: Bodies) -> Array:
-    """Return the distance (k, p) m of each of the pairs (p, 2) in each of the postures (k, n); see `_between`."""
+    """Compute the distance of each pair of bodies in each of several postures.
+
+    Args:
+        postures: (k, n) rad or m, joint positions.
+        pairs: (p, 2) indices of capsules; the second is -1 for the racket, which is replaced by a sphere around it.
+        bodies: Capsules and racket of the arm.
+
+    Returns:
+        (k, p) m; negative if the bodies overlap.
+    """
     distances, at = np.empty((len(postures), len(pairs))), places(len(bodies.owners))
     for k in range(len(postures)):
         place_bodies(postures[k], bodies, at.starts, at.ends, at.face, at.rotation)
@@ -44,7 +53,7 @@ def pair_distances(postures: Array, pairs: Pairs, bodies: Bodies) -> Array:
 
 @njit(cache=True)
 def _stays_apart(m: int, other: int, position: Array, levers: Array, bodies: Bodies) -> bool:
-    """Return whether two bodies stay APART in all postures, by halving the ranges of the joints until the answer is sure.
+    """Return whether two bodies are proved to stay APART in all postures, by halving the ranges of the joints until the answer is sure.
 
     Args:
         m: Index of a capsule.
@@ -79,11 +88,16 @@ def _stays_apart(m: int, other: int, position: Array, levers: Array, bodies: Bod
 
 
 def find_pairs(bodies: Bodies, position: Array) -> Pairs:
-    """Return `Bodies.pairs` of an arm, those first that are nearest in most postures, so that others need not be looked at exactly.
+    """Return the pairs of an arm's bodies that must be checked for contact, for `Bodies.pairs`.
+
+    The pairs with the smallest median distance come first, so that fewer exact distances have to be computed for the others.
 
     Args:
-        bodies: Of the arm; their pairs are not used.
-        position: (n, 2) rad or m, limits of the joints.
+        bodies: Capsules and racket of the arm; `pairs` is not used.
+        position: (n, 2) rad or m, position limits of the joints.
+
+    Returns:
+        (p, 2) indices of capsules; the second is -1 for the racket.
     """
     count, n = len(bodies.owners), len(bodies.chain.linear)
     last = [int(bodies.owners[m]) + _is_about(bodies, m) for m in range(count)]

@@ -1,7 +1,7 @@
-"""How far the racket and the bodies of the arm stay from the table, the floor and each other, on the way and while braking.
+"""Distances of the racket and the arm's bodies to the table, the floor and each other, on a path and while braking.
 
-The racket is the circle of its rim, the bodies are the capsules of `arm_urdf.bodies`. Those that stand still are not compared with table
-and floor, and neighbours are not compared with each other, see `body_pairs`.
+The racket is represented by the circle of its rim, the bodies by the capsules of `arm_urdf.bodies` (all points within a radius of a line
+segment). Bodies that do not move are not compared with table and floor, and neighbours are not compared with each other, see `body_pairs`.
 """
 
 from __future__ import annotations
@@ -20,45 +20,53 @@ from ..trajectory.profiles import evaluate
 
 OBSTACLES = ("the table", "the floor", "itself")
 TABLE_LOW, TABLE_HIGH = (0.0, 0.0, -TABLE_THICKNESS), (TABLE_LENGTH, TABLE_WIDTH, 0.0)  # m
-NEAR = 0.08  # m, within which the racket is its rim and not a sphere around its centre
-AROUND = 12  # points of the rim
+NEAR = 0.08  # m; within this distance the points of the rim are used, beyond it a sphere around the racket's centre
+AROUND = 12  # number of points of the rim
 CIRCLE = np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
-MOST_LOOKS = 10_000  # at a path; 30 s of it in steps of 10 ms are 3,000
-HELD = 0.005  # m, kept where a command is held; the guard keeps none, as it looks at every command
-EVERY = 2  # looks at a path, of which one is at what follows from a held command
-HOLDING = 3  # postures looked at while the drive holds the last command, see `braking_clearance`
-BRAKING = 3  # postures looked at while the arm brakes, the last at rest
+MOST_LOOKS = 10_000  # largest number of checks along a path; 30 s in steps of 10 ms are 3,000
+HELD = 0.005  # m, distance to keep if a command is held; the guard keeps none, because it checks every command
+EVERY = 2  # at each second check of a path, what follows if the drives hold their command is checked, too
+HOLDING = 3  # number of postures that are checked while the drive holds the last command, see `braking_clearance`
+BRAKING = 3  # number of postures that are checked while the arm brakes, the last one at rest
 
 
 Pairs = npt.NDArray[np.int64]
 
 
 class Places(NamedTuple):
-    """Working memory: where the bodies are."""
+    """Scratch memory for the positions of the m capsules and the racket in `table`.
 
-    starts: Array  # (m, 3) m, of the capsules
-    ends: Array  # (m, 3) m
-    face: Array  # (3,) m, centre of the racket
-    rotation: Array  # (3, 3) racket to table
-    rim: Array  # (AROUND, 3) m, points of the racket's rim
+    Attributes:
+        starts: (m, 3) m, first ends of the capsules' segments.
+        ends: (m, 3) m, second ends of the capsules' segments.
+        face: (3,) m, centre of the racket's face.
+        rotation: (3, 3) rotation from racket to `table`.
+        rim: (AROUND, 3) m, points of the racket's rim.
+    """
+
+    starts: Array
+    ends: Array
+    face: Array
+    rotation: Array
+    rim: Array
 
 
 @njit(cache=True)
 def places(count: int) -> Places:
-    """Return working memory for a number of capsules."""
+    """Return scratch memory for an arm with `count` capsules."""
     return Places(np.empty((count, 3)), np.empty((count, 3)), np.empty(3), np.empty((3, 3)), np.empty((AROUND, 3)))
 
 
 @njit(cache=True)
 def from_table(x: float, y: float, z: float) -> float:
-    """Return the distance (m) of a point in `table` to the table top; 0 inside it."""
+    """Return the distance (m) of the point x, y, z (m, in `table`) to the table top, a box; 0 inside it."""
     x, y, z = max(-x, x - TABLE_LENGTH, 0.0), max(-y, y - TABLE_WIDTH, 0.0), max(z, -TABLE_THICKNESS - z, 0.0)
     return math.sqrt(x * x + y * y + z * z)
 
 
 @njit(cache=True, error_model="numpy")
 def from_segment(x: float, y: float, z: float, starts: Array, ends: Array, m: int) -> float:
-    """Return the distance (m) of a point to the segment from starts[m] to ends[m]."""
+    """Return the distance (m) of the point x, y, z (m) to the line segment from starts[m] to ends[m], arrays (capsules, 3) m."""
     ux, uy, uz = ends[m, 0] - starts[m, 0], ends[m, 1] - starts[m, 1], ends[m, 2] - starts[m, 2]
     x, y, z = x - starts[m, 0], y - starts[m, 1], z - starts[m, 2]
     square = ux * ux + uy * uy + uz * uz
@@ -69,7 +77,7 @@ def from_segment(x: float, y: float, z: float, starts: Array, ends: Array, m: in
 
 @njit(cache=True)
 def _slope(t: float, starts: Array, ends: Array, m: int) -> float:
-    """Return half of the derivative by t of the squared distance (m^2) to the table top, at the share t of a segment."""
+    """Return half of the derivative by t of the squared distance (m^2) to the table top, at start + t (end - start) of segment m."""
     slope = 0.0
     for k in range(3):
         way = ends[m, k] - starts[m, k]
@@ -80,9 +88,14 @@ def _slope(t: float, starts: Array, ends: Array, m: int) -> float:
 
 @njit(cache=True, error_model="numpy")
 def segment_from_table(starts: Array, ends: Array, m: int) -> float:
-    """Return the distance (m) of the segment from starts[m] to ends[m] to the table top; 0 where it touches it.
+    """Return the distance (m) of the line segment from starts[m] to ends[m] to the table top, a box; 0 if they touch.
 
-    The squared distance is convex along the segment, and a parabola between the points where it crosses a side's plane.
+    The squared distance is convex along the segment. It is a parabola between the points where the segment crosses the planes of the box.
+
+    Args:
+        starts: (capsules, 3) m in `table`, first ends of the segments.
+        ends: (capsules, 3) m in `table`, second ends of the segments.
+        m: Index of the segment.
     """
     if _slope(0.0, starts, ends, m) >= 0.0:
         t = 0.0
@@ -112,7 +125,14 @@ def segment_from_table(starts: Array, ends: Array, m: int) -> float:
 
 @njit(cache=True, error_model="numpy")
 def between_segments(starts: Array, ends: Array, m: int, other: int) -> float:
-    """Return the distance (m) between the segments m and `other`, each from its start to its end."""
+    """Return the distance (m) between two line segments.
+
+    Args:
+        starts: (capsules, 3) m, first ends of the segments.
+        ends: (capsules, 3) m, second ends of the segments.
+        m: Index of one segment.
+        other: Index of the other segment.
+    """
     a = b = c = d = e = 0.0
     for k in range(3):
         u, v, w = ends[m, k] - starts[m, k], ends[other, k] - starts[other, k], starts[m, k] - starts[other, k]
@@ -132,7 +152,16 @@ def between_segments(starts: Array, ends: Array, m: int, other: int) -> float:
 
 @njit(cache=True)
 def bodies_from_table(starts: Array, ends: Array, radii: Array, reaches: Array, first: int, most: float) -> float:
-    """Return the least distance (m) of the capsules from index `first` on to the table, `most` (m) where none is nearer."""
+    """Return the least distance (m) of the capsules to the table, or `most` if none is nearer than that.
+
+    Args:
+        starts: (m, 3) m in `table`, first ends of the capsules' segments.
+        ends: (m, 3) m in `table`, second ends of the capsules' segments.
+        radii: (m,) m, radii of the capsules.
+        reaches: (m,) m, radii of spheres that contain the capsules, around their middles.
+        first: Index of the first capsule to check; those before it do not move.
+        most: m, largest distance of interest.
+    """
     for m in range(first, len(radii)):
         middle = from_table(0.5 * (starts[m, 0] + ends[m, 0]), 0.5 * (starts[m, 1] + ends[m, 1]), 0.5 * (starts[m, 2] + ends[m, 2]))
         if middle - reaches[m] < most:
@@ -142,7 +171,15 @@ def bodies_from_table(starts: Array, ends: Array, radii: Array, reaches: Array, 
 
 @njit(cache=True)
 def bodies_from_floor(starts: Array, ends: Array, radii: Array, first: int, most: float) -> float:
-    """Return the least distance (m) of the capsules from index `first` on to the floor, `most` (m) where none is nearer."""
+    """Return the least distance (m) of the capsules to the floor, or `most` if none is nearer than that.
+
+    Args:
+        starts: (m, 3) m in `table`, first ends of the capsules' segments.
+        ends: (m, 3) m in `table`, second ends of the capsules' segments.
+        radii: (m,) m, radii of the capsules.
+        first: Index of the first capsule to check; those before it do not move.
+        most: m, largest distance of interest.
+    """
     for m in range(first, len(radii)):
         most = min(most, min(starts[m, 2], ends[m, 2]) - radii[m] - FLOOR_Z)
     return most
@@ -150,7 +187,7 @@ def bodies_from_floor(starts: Array, ends: Array, radii: Array, first: int, most
 
 @njit(cache=True)
 def _fill_rim(face: Array, rotation: Array, around: float, rim: Array) -> None:
-    """Fill points (AROUND, 3) m of the rim of a racket with its centre (3,) m, rotation (3, 3) and radius `around` (m)."""
+    """Fill `rim` (AROUND, 3) m with points of the rim of a racket with this centre (3,) m, rotation (3, 3) and radius `around` (m)."""
     for k in range(AROUND):
         c, s = around * CIRCLE[k, 0], around * CIRCLE[k, 1]
         for j in range(3):
@@ -159,7 +196,16 @@ def _fill_rim(face: Array, rotation: Array, around: float, rim: Array) -> None:
 
 @njit(cache=True)
 def bodies_from_each_other(starts: Array, ends: Array, radii: Array, reaches: Array, pairs: Pairs, most: float) -> float:
-    """Return the least distance (m) of the pairs of capsules, `most` (m) where none is nearer."""
+    """Return the least distance (m) between the capsules of each pair, or `most` if none are nearer than that.
+
+    Args:
+        starts: (m, 3) m, first ends of the capsules' segments.
+        ends: (m, 3) m, second ends of the capsules' segments.
+        radii: (m,) m, radii of the capsules.
+        reaches: (m,) m, radii of spheres that contain the capsules, around their middles.
+        pairs: (p, 2) indices of capsules; pairs with the racket, whose second index is -1, are skipped.
+        most: m, largest distance of interest.
+    """
     for p in range(len(pairs)):
         m, other = pairs[p, 0], pairs[p, 1]
         if other < 0:
@@ -175,7 +221,7 @@ def bodies_from_each_other(starts: Array, ends: Array, radii: Array, reaches: Ar
 
 @njit(cache=True, inline="always")
 def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, float]:
-    """Return what `clearances` does."""
+    """Return the result of `clearances`, with given scratch memory."""
     starts, ends, face, rotation, rim = at
     radii, reaches, owners, pairs, around = bodies.radii, bodies.reaches, bodies.owners, bodies.pairs, bodies.rim
     place_bodies(q, bodies, starts, ends, face, rotation)
@@ -207,21 +253,22 @@ def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, flo
 
 @njit(cache=True)
 def clearances(q: Array, bodies: Bodies) -> tuple[float, float, float]:
-    """Compute the least distance of a posture to each of OBSTACLES.
+    """Compute the least distance of the arm and its racket to each of OBSTACLES: the table, the floor, and the arm itself.
 
     Args:
-        q: (n,) rad or m.
-        bodies: Of the arm.
+        q: (n,) rad or m, joint positions.
+        bodies: Capsules and racket of the arm.
 
     Returns:
-        m; a value that is not positive is a touch. Beyond NEAR the values are too small, by twice the racket's radius at most.
+        Three distances in m. A value that is not positive means contact. Values above NEAR may be smaller than the true distance, by at
+        most twice the racket's radius.
     """
     return _clearances(q, bodies, places(len(bodies.owners)))
 
 
 @njit(cache=True, inline="always")
 def _clearance(q: Array, bodies: Bodies, at: Places) -> tuple[float, int]:
-    """Return what `clearance` does."""
+    """Return the result of `clearance`, with given scratch memory."""
     table, floor, itself = _clearances(q, bodies, at)
     if table <= floor and table <= itself:
         return table, 0
@@ -230,13 +277,18 @@ def _clearance(q: Array, bodies: Bodies, at: Places) -> tuple[float, int]:
 
 @njit(cache=True)
 def clearance(q: Array, bodies: Bodies) -> tuple[float, int]:
-    """Return the least of `clearances` (m), and the index in OBSTACLES of what is nearest."""
+    """Return the least distance (m) of the arm and its racket to any obstacle, and the index of the nearest one in OBSTACLES.
+
+    Args:
+        q: (n,) rad or m, joint positions.
+        bodies: Capsules and racket of the arm.
+    """
     return _clearance(q, bodies, places(len(bodies.owners)))
 
 
 @njit(cache=True)
 def _braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies: Bodies, at: Places) -> tuple[float, int]:
-    """Return what `braking_clearance` does."""
+    """Return the result of `braking_clearance`, with given scratch memory."""
     n = len(q)
     longest, posture, least, what = 0.0, np.empty(n), np.inf, 0
     for i in range(n):
@@ -257,17 +309,19 @@ def _braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodie
 
 @njit(cache=True)
 def braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies: Bodies) -> tuple[float, int]:
-    """Compute the least clearance on the way to rest. HOLDING and BRAKING postures are looked at.
+    """Compute the least distance to any obstacle while the arm brakes to rest.
+
+    HOLDING postures are checked while the joints keep their speed, and BRAKING postures while they brake.
 
     Args:
-        q: (n,) rad.
-        qdot: (n,) rad/s.
-        braking: (n,) rad/s^2, at which each joint brakes.
-        hold: s, for which each joint keeps its speed first.
-        bodies: Of the arm.
+        q: (n,) rad, joint positions at the start.
+        qdot: (n,) rad/s, joint speeds at the start.
+        braking: (n,) rad/s^2, deceleration with which each joint brakes.
+        hold: s, time for which each joint keeps its speed before it brakes.
+        bodies: Capsules and racket of the arm.
 
     Returns:
-        m, and the index in OBSTACLES of what is nearest.
+        The distance in m, and the index of the nearest obstacle in OBSTACLES.
     """
     return _braking_clearance(q, qdot, braking, hold, bodies, places(len(bodies.owners)))
 
@@ -276,23 +330,24 @@ def braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies
 def path_clearance(
     end: float, step: float, braking: Array, hold: float, enough: float, knots: Array, coefficients: Array, bodies: Bodies
 ) -> tuple[float, int]:
-    """Compute the least clearance on a path and while braking from anywhere on it, at once or after the drive has held its speed.
+    """Compute the least distance to any obstacle on a path, and while the arm brakes from any point of it.
 
-    The next look is `step` later, or as late as nothing can come nearer than `enough` before it: the points of the arm move by the speeds
-    of the joints at most, and these change by their accelerations at most.
+    Braking at once and braking after the drives have held their command are checked. The time to the next check is at least `step`. It is
+    longer if, with the present speeds and the acceleration limits of the joints, nothing can come nearer than `enough` before.
 
     Args:
-        end: s, until which the path is looked at.
-        step: s, least time between two looks.
-        braking: (n,) rad/s^2, acceleration limit of each joint, at which it also brakes.
-        hold: s, for which a drive may hold its speed.
-        enough: m, below which the search ends.
-        knots: (joints, n) of the path, see `profiles`.
-        coefficients: (joints, n, 6) of the path.
-        bodies: Of the arm.
+        end: s, time from the start of the path up to which it is checked.
+        step: s, least time between two checks.
+        braking: (n,) rad/s^2, acceleration limit of each joint, with which it also brakes.
+        hold: s, time for which a drive may hold its command.
+        enough: m, distance to keep; the search ends when it finds a smaller one.
+        knots: (joints, n) s, starts of the polynomials of the path, see `profiles`.
+        coefficients: (joints, n, 6) polynomials of the path.
+        bodies: Capsules and racket of the arm.
 
     Returns:
-        m, and the index in OBSTACLES of what is nearest; -inf for a path that is too long to be looked at, or not finite.
+        The distance in m, and the index of the nearest obstacle in OBSTACLES. Distances after a held command are increased by `enough` -
+        HELD, so that they need only be HELD. The distance is -inf for a path that is too long to be checked, or is not finite.
     """
     n, lever, least, what = len(braking), bodies.levers, np.inf, 0
     q, qdot, qddot, at = np.empty(n), np.empty(n), np.empty(n), places(len(bodies.owners))

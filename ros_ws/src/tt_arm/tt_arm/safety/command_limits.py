@@ -1,4 +1,4 @@
-"""Kernels that cut a command to what a joint may do: speed, room to brake before its position limit, and change since the last command."""
+"""Kernels that limit a joint velocity command: speed, distance to brake before the position limit, and change since the last command."""
 
 from __future__ import annotations
 
@@ -10,19 +10,36 @@ from tt_core.states import Array
 
 from ..joints import JointBounds
 
-UNCUT, SPEED, POSITION, ACCELERATION = range(4)  # why a command was cut
-SAME = 1e-9  # rad/s, by which a command may differ from the wanted one without being cut
+UNCUT, SPEED, POSITION, ACCELERATION = range(4)  # whether and by which limit a command was cut
+SAME = 1e-9  # rad/s; a command that differs from the wanted one by less than this counts as not cut
 
 
 @njit(cache=True)
 def speed_for_room(room: float, hold: float, braking: float) -> float:
-    """Return the speed (rad/s) that a joint may have for `hold` (s) and then brake from at `braking` (rad/s^2) within `room` (rad)."""
+    """Return the largest speed from which a joint comes to rest within a given distance.
+
+    Args:
+        room: rad, distance to the position limit.
+        hold: s, time for which the joint keeps its speed before it brakes.
+        braking: rad/s^2, deceleration with which it brakes.
+
+    Returns:
+        rad/s; 0 if `room` is negative.
+    """
     return math.sqrt((braking * hold) ** 2 + 2.0 * braking * max(0.0, room)) - braking * hold
 
 
 @njit(cache=True)
 def clip_to_room(q: Array, hold: float, limits: JointBounds, braking: Array, command: Array) -> None:
-    """Cut a command (n,) rad/s, in place, to what can brake before the position limits; see `limit_command`."""
+    """Limit a velocity command in place to speeds from which the joints can brake before their position limits.
+
+    Args:
+        q: (n,) rad, measured joint positions.
+        hold: s, time for which the command may last before the joints brake.
+        limits: (n,) limits of the joints, of which the positions are used.
+        braking: (n,) rad/s^2, deceleration with which each joint brakes.
+        command: (n,) rad/s, changed in place.
+    """
     for i in range(len(q)):
         down, up = speed_for_room(q[i] - limits[i].low, hold, braking[i]), speed_for_room(limits[i].high - q[i], hold, braking[i])
         command[i] = min(max(command[i], -down), up)
@@ -32,20 +49,23 @@ def clip_to_room(q: Array, hold: float, limits: JointBounds, braking: Array, com
 def limit_command(
     q: Array, wanted: Array, last: Array, passed: float, hold: float, limits: JointBounds, braking: Array, allowed: Array
 ) -> int:
-    """Fill the command that may leave. Room to brake comes before smoothness.
+    """Compute the velocity command that is nearest to a wanted one within the limits.
+
+    If the distance needed to brake and the limit of the command's change contradict each other, the distance to brake is kept.
 
     Args:
-        q: (n,) rad, as measured.
-        wanted: (n,) rad/s.
-        last: (n,) rad/s, the last command.
-        passed: s, since the last command.
-        hold: s, for which the command may last, before the joints brake.
-        limits: Positions with the margin kept, speeds, and accelerations at which commands may change.
-        braking: (n,) rad/s^2, at which each joint brakes.
-        allowed: (n,) rad/s; filled.
+        q: (n,) rad, measured joint positions.
+        wanted: (n,) rad/s, wanted command.
+        last: (n,) rad/s, last command.
+        passed: s, time since the last command.
+        hold: s, time for which the command may last before the joints brake.
+        limits: (n,) position limits with the margin to keep, speed limits, and accelerations by which the command may change.
+        braking: (n,) rad/s^2, deceleration with which each joint brakes.
+        allowed: (n,) rad/s, output: filled with the permitted command.
 
     Returns:
-        UNCUT, SPEED, POSITION or ACCELERATION: the first limit that makes any joint's command another one.
+        UNCUT if the wanted command is permitted. Otherwise the limit that changed it: SPEED if the speed limit changed that of any joint,
+        else POSITION if the position limit did, else ACCELERATION.
     """
     faster, further, cut = False, False, False
     for i in range(len(q)):
@@ -63,5 +83,5 @@ def limit_command(
 
 
 def cut_joints(allowed: Array, wanted: Array) -> Array:
-    """Return for each joint (n,) whether its command was cut."""
+    """Return an array (n,) that tells for each joint whether its permitted command differs from the wanted one; both (n,) rad/s."""
     return np.asarray(np.abs(allowed - wanted) > SAME)

@@ -1,7 +1,8 @@
-"""The last check of a command: what leaves is finite, within the limits, and able to stop before a joint's limit, table, floor and arm.
+"""The guard makes the last check of each joint velocity command before it is sent to the arm.
 
-The guard knows nothing of swings. A command that is a little too much is cut and reported. Damage latches: a controlled stop, and zero
-until `reset`.
+A command that passes is finite and within the limits, and the arm can stop from it before a joint's limit and before it touches table,
+floor or itself. The guard knows nothing of swings (planned joint motions). A command that exceeds a limit is cut to the limit and reported.
+Damage (a position beyond its limit, overspeed or contact) latches: the arm makes a controlled stop and rests until `reset`.
 """
 
 from __future__ import annotations
@@ -21,18 +22,18 @@ from .clearance import OBSTACLES, braking_clearance, clearance
 from .command_limits import ACCELERATION, POSITION, SPEED, UNCUT, clip_to_room, cut_joints, limit_command
 from .stops import ArmStop
 
-LONGEST_STEP = 0.05  # s, after which a command may not differ from the last one by more than it may after this
-FIRST_STEP = 0.005  # s, for which the first command of a stop brakes at most
-LONGEST_GUESS = 0.3  # s after the last measurement, for which commands tell where the arm is; then it is at rest
-STEEPER = 2.0  # changes of commands in terms of the accelerations that the description of an arm states: the servo corrects errors
-MOST_SENT = 200  # commands that are kept, 0.4 s of them: joint states may be 0.1 s old
-LEAST_SIGHTINGS = 3  # joint states in a row that must show a damage
+LONGEST_STEP = 0.05  # s, largest time between commands that is used to limit the change of the command
+FIRST_STEP = 0.005  # s, largest time for which the first command of a stop brakes
+LONGEST_GUESS = 0.3  # s after the last measurement for which the position is computed from the commands; then the arm is at rest
+STEEPER = 2.0  # largest change of commands over the acceleration limit that the URDF states: more, because the servo corrects errors
+MOST_SENT = 200  # number of commands that are kept, those of 0.4 s: joint states may be 0.1 s old
+LEAST_SIGHTINGS = 3  # number of successive joint states that must show damage
 CUTS = {SPEED: ArmStop.SPEED_CUT, POSITION: ArmStop.POSITION_CUT, ACCELERATION: ArmStop.ACCELERATION_CUT}
 
 
 @dataclass(frozen=True, slots=True)
 class GuardParams:
-    """What the guard lets through."""
+    """Limits of the guard, the last check of each command."""
 
     acceleration: float = param(
         40.0,
@@ -70,30 +71,37 @@ class GuardParams:
         check(self)
 
     def of_joints(self, model: ArmModel, speed_scale: float = 1.0) -> JointLimits:
-        """Return the limits that commands must keep; the acceleration is that of a change of the command."""
+        """Return the joint limits that commands must keep.
+
+        The acceleration limit is that of the rate at which the velocity command may change. It is not that of the motors.
+
+        Args:
+            model: The arm.
+            speed_scale: Share of the speed limits that commands may use, 0.01 to 1.
+        """
         limits = model.limits.reduced(speed=speed_scale, margin=self.margin)
         stated = limits.acceleration < NO_ACCELERATION_LIMIT
         return replace(limits, acceleration=np.where(stated, STEEPER * limits.acceleration, self.acceleration))
 
 
 class Guard:
-    """Cut commands to what is safe.
+    """Last check of each joint velocity command, which cuts it to the limits or replaces it by that of a controlled stop.
 
     Attributes:
-        braking: (n,) rad/s^2, at which each joint brakes in a stop: the acceleration limit of swings, with which clearance is computed.
-        command_timeout: s, for which the drives hold a command.
-        hold: s, for which a command may act.
-        latched: None, or why only a stop leaves until `reset`.
-        params: What is let through.
+        braking: (n,) rad/s^2, deceleration of each joint in a stop: the acceleration limit of swings.
+        command_timeout: s, time for which the drives hold a command.
+        hold: s, longest time for which a command may act, including delays.
+        latched: Why only commands of a stop are returned until `reset`; None if nothing has latched.
+        params: Limits of the guard.
     """
 
     def __init__(self, model: ArmModel, params: GuardParams | None = None, limits: SwingLimits | None = None) -> None:
-        """Guard an arm.
+        """Create the guard of an arm, in rest and without a latched failure.
 
         Args:
             model: The arm.
-            params: What is let through.
-            limits: What swings may use.
+            params: Limits of the guard; None for the default.
+            limits: Limits of swings, from which braking and holding of commands follow; None for the default.
         """
         self._model, self.params, limits = model, params or GuardParams(), limits or SwingLimits()
         self.braking, self.command_timeout, self.hold = np.array(limits.of_joints(model).acceleration), limits.command_timeout, limits.hold
@@ -105,7 +113,7 @@ class Guard:
         self.reset()
 
     def reset(self) -> None:
-        """Let commands through again, from the last one on."""
+        """Clear the latched failure and what is known of earlier joint states, so that commands pass again. The last command is kept."""
         self.latched = None
         self._measured: tuple[Joints, float] | None = None  # and when (s, monotonic) that was
         self._time: float | None = None  # s, of the joint state that the last command answered
@@ -114,7 +122,7 @@ class Guard:
 
     @property
     def speed_scale(self) -> float:
-        """Share of the speed limits that commands may use."""
+        """Share of the speed limits that commands may use, 0.01 to 1."""
         return self._scale
 
     @speed_scale.setter
@@ -124,22 +132,31 @@ class Guard:
 
     @property
     def last(self) -> Array:
-        """Return the last command (n,) rad/s."""
+        """The last command (n,) rad/s that was returned."""
         return self._last
 
     def begin_from(self, qdot: Array) -> None:
-        """Take the measured speeds qdot (n,) rad/s for the last command, after a time in which the arm did not follow commands."""
+        """Replace the last command by the measured joint speeds, after a time in which the arm did not follow commands.
+
+        Args:
+            qdot: (n,) rad/s, measured joint speeds.
+        """
         speed = self._model.speed_limits
         self._last, self._time = np.clip(qdot, -speed, speed), None
         self._sent.clear()
 
     def look(self, joints: Joints, after_gap: bool = False) -> Failure | None:
-        """Return the damage that the joint state shows, and latch it once it has lasted for `persistence` s without a pause.
+        """Check a joint state for damage: a position beyond its limit, overspeed or contact.
+
+        Damage latches when successive joint states have shown it for `persistence` seconds. Damage that the first joint state after a gap
+        shows does not latch, because the driver may have named its joints wrongly; it stops the arm only as long as it is measured.
 
         Args:
-            joints: As measured, accepted by `JointStateCheck`.
-            after_gap: Whether joint states were missing before this one. Damage that is there with the first one latches nothing: nobody
-                has seen the arm come there, and the driver may name its joints wrongly. It stops the arm as long as it is measured.
+            joints: Measured joint state, accepted by `JointStateCheck`.
+            after_gap: Whether joint states were missing before this one.
+
+        Returns:
+            The damage, if it has lasted long enough or was there after a gap; otherwise None.
         """
         failure = self._damage(joints)
         if failure is None:
@@ -156,14 +173,17 @@ class Guard:
     def check(
         self, joints: Joints, command: Array, now: float, planned: float | None = None, age: float = 0.0
     ) -> tuple[Array, Failure | None]:
-        """Return the command (n,) rad/s that may leave, and why it is another one, if it is.
+        """Check a command, and return the permitted one.
 
         Args:
-            joints: As measured, accepted by `JointStateCheck`.
-            command: (n,) rad/s, as wanted.
-            now: s, monotonic.
-            planned: s, when the plan was made that the command follows, in the time of `joints`; None where it needs none.
-            age: s, of `joints`: the arm has moved on since, by the commands that were sent.
+            joints: Measured joint state, accepted by `JointStateCheck`.
+            command: (n,) rad/s, wanted command.
+            now: s, monotonic time.
+            planned: s, time on the clock of `joints` at which the plan was made that the command follows; None if it follows no plan.
+            age: s, age of `joints`. The present position is computed from it and the commands that were sent since.
+
+        Returns:
+            The permitted command (n,) rad/s, which may be cut or that of a stop; and why it differs from the wanted one, or None.
         """
         self._measured = joints, now - age
         command, params, q = np.array(command, dtype=float), self.params, self._place(joints, now - age, now)
@@ -185,18 +205,18 @@ class Guard:
         return allowed, Failure(CUTS[cut], joints=", ".join(names))
 
     def stop(self, now: float, joints: Joints | None = None, age: float = 0.0) -> Array:
-        """Return the next command (n,) rad/s of a controlled stop, zero at the end.
+        """Return the next command (n,) rad/s of a controlled stop, which is zero at the end of the stop.
 
-        Where no command has left for long, the drive still holds the last one until its own timeout, and brakes by itself from then on.
-        The stop begins from that speed.
+        If no command was sent for a long time, the drives have held the last one until their timeout and have braked since then. The stop
+        begins from the speed that is left.
 
-        The command of a stop, too, may be held by the drives. Where the arm could then run into something, because an earlier delay has
-        used up the room for that, it is smaller than the braking limit asks: room comes before smoothness.
+        The drives may hold the commands of a stop, too. If the arm could then touch something, because an earlier delay has used up the
+        distance for that, the command is smaller than with the usual deceleration: distance is more important than a smooth motion.
 
         Args:
-            now: s, monotonic.
-            joints: As measured; None where nothing new is known.
-            age: s, of `joints`.
+            now: s, monotonic time.
+            joints: Measured joint state; None if there is no new one.
+            age: s, age of `joints`.
         """
         passed = 0.0 if self._now is None else max(now - self._now, 0.0)
         if not self._stopping:
@@ -213,12 +233,17 @@ class Guard:
         return command
 
     def latch(self, failure: Failure, now: float) -> Array:
-        """Stop, and go on stopping until `reset`; return the next command (n,) rad/s."""
+        """Latch a failure, so that only commands of a stop are returned until `reset`; return the next command (n,) rad/s of the stop.
+
+        Args:
+            failure: Why the arm must stop. An already latched failure is kept.
+            now: s, monotonic time.
+        """
         self.latched = self.latched or failure
         return self.stop(now)
 
     def _damage(self, joints: Joints) -> Failure | None:
-        """Return the damage that this joint state shows."""
+        """Return the damage that this joint state shows; None if it shows none."""
         params, names, (low, high) = self.params, self._model.names, self._model.position_limits.T
         outside, share = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(outside.argmax()), int(share.argmax())
@@ -231,12 +256,15 @@ class Guard:
         return Failure(ArmStop.CONTACT, obstacle=OBSTACLES[what]) if left <= 0.0 else None
 
     def _note(self, command: Array, now: float, *, is_stop: bool) -> None:
-        """Keep the command that leaves."""
+        """Remember the command that is returned, and when."""
         self._last, self._now, self._stopping = command, now, is_stop
         self._sent.append((now, command))
 
     def _place(self, joints: Joints, measured: float, now: float) -> Array:
-        """Return where (n,) rad the commands have brought joints until `now` (s, monotonic) that were measured at `measured`."""
+        """Return the joint positions (n,) rad at `now`, computed from those measured at `measured` and the commands sent since.
+
+        Both times are s on the monotonic clock.
+        """
         q, until = joints.q, now
         for sent, command in reversed(self._sent):
             begin = min(max(sent, measured), until)
@@ -246,16 +274,16 @@ class Guard:
         return q + (until - measured) * joints.qdot
 
     def _clear_of_all(self, q: Array, command: Array) -> Array:
-        """Return the largest share of a command which the drives may hold and then brake from without touching anything."""
+        """Return the command multiplied by the largest share with which the arm touches nothing if the drives hold it and then brake."""
         for share in (1.0, 0.75, 0.5, 0.25):
             if braking_clearance(q, share * command, self.braking, self.command_timeout, self._model.bodies)[0] > 0.0:
                 return share * command
         return np.zeros(len(q))
 
     def _near(self, q: Array, command: Array) -> Failure | None:
-        """Return a failure if braking from `command`, at once or after the drives have held it, ends too near to something.
+        """Return a failure if the arm would come too near to an obstacle while it brakes from `command`; None if it would not.
 
-        It is allowed if the arm is nearer to it now.
+        Braking at once and braking after the drives have held the command are checked. A motion away from the obstacle is permitted.
         """
         bodies, bound = self._model.bodies, self.params.clearance
         left, what = braking_clearance(q, command, self.braking, 0.0, bodies)
@@ -267,10 +295,10 @@ class Guard:
         return Failure(ArmStop.NEAR, left=max(0.0, left), obstacle=OBSTACLES[what], bound=bound)
 
     def _passed(self, time: float, now: float) -> float:
-        """Return the time (s) since the last command, after which the next one may differ from it, and keep `time`.
+        """Return the time (s) since the last command, which limits the change of the next one, and remember `time`.
 
-        Joint states come irregularly, so their stamps tell the time between two commands.
-        After a stop only the time since its last command counts.
+        It is the difference of the stamps of the joint states, because these arrive irregularly. After a stop it is at most the time since
+        the last command of the stop.
         """
         passed = 0.0 if self._time is None else min(max(time - self._time, 0.0), LONGEST_STEP)
         if self._stopping and self._now is not None:

@@ -1,6 +1,7 @@
-"""Which joint states are used: one that is broken, old, repeated or impossible is refused before anything is computed from it.
+"""Check of joint states: one that is invalid, old, repeated or impossible is refused before anything is computed from it.
 
-All ages are checked twice: by stamp against the clock, and by arrival on a monotonic clock. The deadline for silence runs on arrival only.
+Ages are checked twice: by the stamp against its clock, and by the time of arrival on a monotonic clock. The deadline after which joint
+states count as having ceased depends on the time of arrival only.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from ..joints import Joints
 from ..model import ArmModel
 from .stops import ArmStop
 
-BEYOND = 1.0  # rad or m beyond a position limit, above which a number is no position of this joint; the mechanical stops are nearer
-TIMES = 10.0  # speed limits, above which a number is no speed of this joint
-JUMP = 0.02  # rad or m, by which noise may make two positions differ beyond what the speed limits allow
-LONGEST_DEADLINE = 0.3  # s, whatever the period of the joint states
-WINDOW = 15  # joint states whose median distance is their period
+BEYOND = 1.0  # rad or m; a number further beyond a position limit cannot be a position of this joint: the mechanical stops are nearer
+TIMES = 10.0  # a number larger than this multiple of the speed limit cannot be a speed of this joint
+JUMP = 0.02  # rad or m, difference of two positions that noise may cause beyond what the speed limits permit
+LONGEST_DEADLINE = 0.3  # s, upper bound of the deadline, whatever the period of the joint states is
+WINDOW = 15  # number of intervals between joint states whose median is their period
 
 
 @dataclass(frozen=True, slots=True)
 class JointStateParams:
-    """When joint states are used."""
+    """Parameters that decide which joint states are accepted, and when they count as having ceased."""
 
     silence: float = param(
         0.020, "s", "time without a valid joint state after which the arm brakes; checked each 2.5 ms", low=0.001, high=10.0
@@ -57,16 +58,17 @@ class JointStateParams:
 
 
 class JointStateCheck:
-    """Accept or refuse joint states one by one.
+    """Check of the arm's joint states, which accepts or refuses them one by one.
 
     Attributes:
-        params: What is accepted.
-        last: The newest joint state that was accepted, None before the first.
-        gap: Whether the last accepted one came later after its predecessor than the deadline, by stamp or by arrival.
+        params: Parameters of the check.
+        last: The last accepted joint state; None before the first one.
+        gap: Whether the last accepted joint state came more than the deadline after the one before it, by stamp or by arrival, or is the
+            first one.
     """
 
     def __init__(self, model: ArmModel, params: JointStateParams | None = None) -> None:
-        """Begin without any joint state."""
+        """Create the check of an arm, before any joint state; params None for the default."""
         self._model, self.params = model, params or JointStateParams()
         self.last: Joints | None = None
         self.gap = True
@@ -76,23 +78,29 @@ class JointStateCheck:
 
     @property
     def deadline(self) -> float:
-        """Return how long (s) after the last valid joint state the arm begins to brake."""
+        """Time (s) after the arrival of the last valid joint state at which the arm begins to brake.
+
+        It depends on the measured period of the joint states.
+        """
         period = statistics.median(self._periods) if self._periods else 0.0
         return max(self.params.silence, min(self.params.periods * period, LONGEST_DEADLINE))
 
     def silence(self, now: float) -> Failure | None:
-        """Return the failure when at `now` (s, monotonic) the last valid joint state came too long ago."""
+        """Return a failure if at `now` (s, monotonic) the last valid joint state is older than the deadline; otherwise None."""
         age, bound = now - self._arrived, self.deadline
         return Failure(ArmStop.SILENT, age=age, bound=bound) if age > bound else None
 
     def accept(self, joints: Joints, now: float, clock: float | None = None, *, has_speeds: bool = True) -> Joints | Failure:
-        """Return the joint state to be used, or why this one is not.
+        """Check one joint state.
 
         Args:
-            joints: As measured.
-            now: s, monotonic, when it came.
-            clock: s, what the clock of the stamps showed then; None where there is no such clock.
-            has_speeds: False where the driver sends no speeds. They are then differences of positions.
+            joints: Measured joint state.
+            now: s, monotonic time at which it arrived.
+            clock: s, reading at that time of the clock that makes the stamps; None if there is no such clock.
+            has_speeds: False if the driver sends no speeds; they are then computed from the positions.
+
+        Returns:
+            The joint state to use, or a failure that tells why it is refused.
         """
         silent, self._heard = now - self._heard > self.deadline, now
         failure = self._impossible(joints) or self._untimely(joints, clock) or (None if silent else self._jumped(joints, now))
@@ -111,7 +119,7 @@ class JointStateCheck:
         return joints
 
     def _impossible(self, joints: Joints) -> Failure | None:
-        """Return why no intact sensor of this arm can have measured this, or None."""
+        """Return why these numbers cannot be a state of this arm; None if they can."""
         (low, high), names, units = self._model.position_limits.T, self._model.names, self._model.limits.units
         beyond, shares = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(beyond.argmax()), int(shares.argmax())
@@ -122,7 +130,7 @@ class JointStateCheck:
         return None
 
     def _untimely(self, joints: Joints, clock: float | None) -> Failure | None:
-        """Return whether it is old, ahead, or not newer than the last one, unless the clock itself went back since."""
+        """Return why the stamp is refused: old, ahead of the clock, or not newer than the last one though the clock did not go back."""
         params, last = self.params, self.last
         if clock is not None and joints.time > clock + params.ahead:
             return Failure(ArmStop.AHEAD, age=joints.time - clock, bound=params.ahead)
@@ -134,7 +142,7 @@ class JointStateCheck:
         return None
 
     def _jumped(self, joints: Joints, now: float) -> Failure | None:
-        """Return whether it is further from the last one than the joints can have moved since. It is not called after silence."""
+        """Return a failure if the positions differ from the last ones by more than the joints can have moved since; otherwise None."""
         last = self.last
         if last is None:
             return None
@@ -147,7 +155,7 @@ class JointStateCheck:
         return None
 
     def _differentiated(self, joints: Joints) -> Joints:
-        """Return the same with speeds from the positions of the last `difference` s; zero until there are positions for so long."""
+        """Return the joint state with speeds from the positions of the last `difference` seconds; zero while there are too few."""
         positions = self._positions
         positions.append((joints.time, joints.q))
         while len(positions) > 2 and joints.time - positions[1][0] >= self.params.difference:

@@ -1,10 +1,14 @@
-"""Every reason why the arm stops or does less than its swing asks, with its sentence."""
+"""Reasons why the arm stops, or does less than its swing (planned joint motion) asks for, each with its sentence."""
 
 from enum import Enum
 
 
 class ArmStop(Enum):
-    """Codes of `tt_core.failures.Failure`. Those that latch are listed in docs/safety.md."""
+    """Reasons why the arm stops, takes no strokes or moves less than asked for, used as codes of `tt_core.failures.Failure`.
+
+    The value of a member is the sentence for people. docs/safety.md lists the reasons that latch, which means that the arm stays stopped
+    until it is enabled again.
+    """
 
     # a person stopped it
     NOT_ENABLED = "not enabled"

@@ -1,4 +1,7 @@
-"""The shortest legs with a jerk limit, from any state of speed and acceleration, by ruckig."""
+"""Shortest legs with a jerk limit, from any speed and acceleration, computed by the library ruckig.
+
+A leg is a motion in which all joints begin and end together.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,19 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 from ..joints import JointBounds
 from .legs import Leg, Pieces
 
-SAME = 1e-6  # s, that a leg may last longer than asked
+SAME = 1e-6  # s by which a leg may last longer than asked
 
 
 def shortest_leg(leg: Leg, limits: JointBounds, time: float = 0.0) -> Trajectory | None:
-    """Compute the shortest leg of all joints.
+    """Compute the shortest leg (motion in which all joints begin and end together) that keeps the limits, with the library ruckig.
 
     Args:
-        leg: Start and end.
-        limits: Of the joints.
-        time: s, that it lasts at least.
+        leg: States of the joints at start and end.
+        limits: (n,) limits of the joints.
+        time: s, least duration of the leg; 0 for the shortest possible one.
 
     Returns:
-        The leg, or None if there is none.
+        The leg as a trajectory of ruckig; None if ruckig finds none.
     """
     n = len(leg)
     given, found = InputParameter(n), Trajectory(n)
@@ -34,7 +37,13 @@ def shortest_leg(leg: Leg, limits: JointBounds, time: float = 0.0) -> Trajectory
 
 
 def append(leg: Trajectory, begin: float, path: Pieces) -> None:
-    """Append the cubic polynomials of a leg that begins `begin` (s) after the start of the path."""
+    """Append the cubic polynomials of a leg (motion in which all joints begin and end together) to a path.
+
+    Args:
+        leg: Trajectory of ruckig.
+        begin: s from the start of the path, time at which the leg begins.
+        path: Polynomials of the path, changed in place.
+    """
     for i, profile in enumerate(leg.profiles[0]):
         since = begin
         for part in (profile.brake, profile):

@@ -1,11 +1,11 @@
-"""Kernels of legs: motions of all joints that begin and end together, with one of the profiles of dissertation Section 1.1.
+"""Kernels of legs: motions in which all joints begin and end together, with one of the profiles of the dissertation's Section 1.1.
 
-- "quintic": the polynomial of fifth degree.
-- "trapezoid": trapezoids of acceleration in a fixed time.
-- "polyline": speed in straight pieces. It reaches all that speed and acceleration allow, but its acceleration has steps, so no jerk limit
-  can hold.
-- "ruckig": the shortest motion with a jerk limit, see `jerk`; not computed here.
-- "auto": for each joint the quintic where that keeps the limits, otherwise the trapezoid.
+- "quintic": a polynomial of fifth degree.
+- "trapezoid": trapezoidal accelerations in a given time.
+- "polyline": piecewise linear speed. It makes every motion that the limits of speed and acceleration permit, but its acceleration has
+  steps, so it keeps no jerk limit.
+- "ruckig": the shortest motion with a jerk limit, see `jerk`; it is not computed here.
+- "auto": for each joint the quintic if it keeps the limits, otherwise the trapezoid.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, legs that are tried
 HALVINGS = 20  # of STEP, to 1e-9 s
 
 
-Leg = npt.NDArray[np.void]  # (n,) of LEG: the start (0) and the end (1) of each joint; it ends without acceleration
+Leg = npt.NDArray[np.void]  # (n,) of LEG: states of each joint at the start (0) and at the end (1), where the acceleration is 0
 LEG = np.dtype(
     [
         ("q0", np.float64),  # rad
@@ -50,15 +50,29 @@ LEG = np.dtype(
 
 
 class Pieces(NamedTuple):
-    """The polynomials of a path that is being built."""
+    """Polynomials of a path that is being built.
 
-    knots: Array  # (joints, n) s since the start of the path, padded with inf
-    coefficients: Array  # (joints, n, 6) in s since the knot, lowest power first
-    counts: npt.NDArray[np.int64]  # (n,) polynomials of each joint so far
+    Attributes:
+        knots: (joints, n) s from the start of the path, times at which the polynomials begin, padded with inf.
+        coefficients: (joints, n, 6) coefficients of the polynomials in the time (s) since the knot, lowest power first; positions in rad.
+        counts: (joints,) number of polynomials of each joint so far.
+    """
+
+    knots: Array
+    coefficients: Array
+    counts: npt.NDArray[np.int64]
 
 
 def make_leg(q0: Array, v0: Array, a0: Array, q1: Array, v1: Array) -> Leg:
-    """Return a leg from start (0) to end (1), each (n,) in rad, rad/s, rad/s^2."""
+    """Return the ends of a leg (motion in which all joints begin and end together) as a structured array (n,) of LEG.
+
+    Args:
+        q0: (n,) rad, positions at the start.
+        v0: (n,) rad/s, speeds at the start.
+        a0: (n,) rad/s^2, accelerations at the start.
+        q1: (n,) rad, positions at the end.
+        v1: (n,) rad/s, speeds at the end.
+    """
     leg = np.empty(len(q0), LEG)
     leg["q0"], leg["v0"], leg["a0"], leg["q1"], leg["v1"] = q0, v0, a0, q1, v1
     return leg
@@ -78,7 +92,14 @@ def _bounds(limits: JointBounds, i: int) -> Bounds:
 
 @njit(cache=True, nogil=True)
 def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bool:
-    """Return whether a leg of `time` (s) keeps the limits of speed, acceleration and jerk in all joints."""
+    """Return whether a leg (motion in which all joints begin and end together) keeps the limits of speed, acceleration and jerk.
+
+    Args:
+        time: s, duration of the leg.
+        leg: (n,) states of the joints at start and end.
+        limits: (n,) limits of the joints.
+        kind: Profile, AUTO, QUINTIC, TRAPEZOID or POLYLINE; the last one is checked without the jerk limit.
+    """
     for i in range(len(leg)):
         ends, bounds = _ends(leg, i), _bounds(limits, i)
         if kind == POLYLINE:
@@ -116,7 +137,16 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
 
 @njit(cache=True)
 def append_leg(begin: float, time: float, leg: Leg, limits: JointBounds, kind: int, path: Pieces) -> None:
-    """Append a leg of `time` (s) that begins `begin` (s) after the start of the path. It must be possible."""
+    """Append the polynomials of a leg (motion in which all joints begin and end together) to a path.
+
+    Args:
+        begin: s from the start of the path, time at which the leg begins.
+        time: s, duration of the leg, for which it must be possible.
+        leg: (n,) states of the joints at start and end.
+        limits: (n,) limits of the joints.
+        kind: Profile, AUTO, QUINTIC, TRAPEZOID or POLYLINE.
+        path: Polynomials of the path, changed in place.
+    """
     all_knots, all_coefficients, counts = path
     for i in range(len(leg)):
         n = counts[i]
@@ -134,7 +164,13 @@ def append_leg(begin: float, time: float, leg: Leg, limits: JointBounds, kind: i
 
 @njit(cache=True)
 def append_rest(begin: float, q: Array, path: Pieces) -> None:
-    """Append rest at q (n,) rad from `begin` (s) on."""
+    """Append a rest to a path.
+
+    Args:
+        begin: s from the start of the path, time at which the rest begins.
+        q: (n,) rad, joint positions of the rest.
+        path: Polynomials of the path, changed in place.
+    """
     knots, coefficients, counts = path
     for i in range(len(q)):
         knots[i, counts[i]] = begin

@@ -1,4 +1,4 @@
-"""What a swing may use, and why there is none."""
+"""Limits that a swing (the joint motion that makes a stroke) must keep, and the reasons why there is no swing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .legs import PROFILES
 
 
 class SwingFailure(Enum):
-    """Why there is no swing through the strike."""
+    """Codes of failures: why there is no swing that makes the strike (the hit of the ball)."""
 
     NO_WAY = "the limits allow no way to this strike"
     TOO_SOON = "the strike is {missing:.3f} s too soon"
@@ -32,7 +32,7 @@ class SwingFailure(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SwingLimits:
-    """What a swing may use of the arm's limits."""
+    """Parameters that limit swings: shares of the arm's limits, distances to keep, and the profile of the joints' motion."""
 
     acceleration: float = param(
         ACCELERATION,
@@ -96,16 +96,16 @@ class SwingLimits:
 
     @property
     def ramp(self) -> float:
-        """Return the time (s) that the jerk limit adds to a leg, see `profiles`."""
+        """Time (s) by which the jerk limit makes a leg longer, see `profiles`. In a leg all joints begin and end their motion together."""
         return 0.0 if self.profile == "polyline" else 2.0 * self.acceleration / self.jerk
 
     @property
     def hold(self) -> float:
-        """Return for how long (s) a command may act."""
+        """Longest time (s) for which a velocity command may act, including delays."""
         return self.command_timeout + self.hold_reserve
 
     def of_joints(self, model: ArmModel) -> JointLimits:
-        """Return the limits that a swing of this arm keeps."""
+        """Return the joint limits that a swing (planned joint motion) must keep: those of the arm, reduced by these parameters."""
         return model.limits.reduced(
             speed=self.speed_share, effort=self.torque_share, margin=self.margin, acceleration=self.acceleration, jerk=self.jerk
         )

@@ -1,4 +1,4 @@
-"""A path of all joints in the making: legs and rests, one after the other."""
+"""A path of all joints that is built by appending legs (motions in which all joints begin and end together) and rests."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..joints import JointBounds
 from .jerk import SAME, append, shortest_leg
 from .legs import LEG, PROFILES, RUCKIG, Leg, Pieces, append_leg, append_rest, leg_is_possible, shortest_time
 
-PIECES = 48  # polynomials of each joint: a rest, three legs of at most twelve, a rest
+PIECES = 48  # largest number of polynomials of each joint: a rest, three legs of at most twelve, a rest
 
 
 class NoLeg(TtError):
-    """There is no leg of a given duration.
+    """There is no leg (motion in which all joints begin and end together) of the given duration between the given ends.
 
     Attributes:
-        time: s.
-        leg: Start and end.
+        time: s, duration.
+        leg: States of the joints at start and end.
     """
 
     def __init__(self, time: float, leg: Leg) -> None:
@@ -30,19 +30,19 @@ class NoLeg(TtError):
 
 
 class Path:
-    """Polynomials for all joints, to which each call appends.
+    """Path of all joints as polynomials, to which legs (motions in which all joints begin and end together) and rests are appended.
 
     Attributes:
-        duration: s, of what is there so far.
+        duration: s, duration of the path so far.
         pieces: The polynomials.
     """
 
     def __init__(self, limits: JointBounds, profile: str) -> None:
-        """Begin an empty path.
+        """Create an empty path.
 
         Args:
-            limits: Of the joints.
-            profile: One of PROFILES.
+            limits: (n,) limits of the joints, which each leg must keep.
+            profile: Profile of the legs, one of PROFILES.
         """
         self.duration = 0.0
         n = len(limits)
@@ -50,28 +50,42 @@ class Path:
         self._limits, self._kind = limits, PROFILES.index(profile)
 
     def shortest_time(self, time: float, leg: Leg) -> float:
-        """Return the duration (s) of the shortest possible leg, at least `time`; inf if there is none."""
+        """Return the duration (s) of the shortest motion that keeps the limits and lasts at least `time` (s); inf if there is none.
+
+        Args:
+            time: s, least duration.
+            leg: States of the joints at start and end.
+        """
         if self._kind != RUCKIG:
             return float(shortest_time(time, leg, self._limits, self._kind))
         shortest = shortest_leg(leg, self._limits, time)
         return math.inf if shortest is None else float(shortest.duration)
 
     def is_possible(self, time: float, leg: Leg) -> bool:
-        """Return whether a leg of `time` (s) is possible."""
+        """Return whether a motion of given duration between given ends keeps the limits.
+
+        Args:
+            time: s, duration of the motion.
+            leg: States of the joints at start and end.
+        """
         if self._kind != RUCKIG:
             return bool(leg_is_possible(time, leg, self._limits, self._kind))
         return self.shortest_time(time, leg) <= time + SAME
 
     def rest(self, q: Array, time: float) -> None:
-        """Append rest at q (n,) rad for `time` (s)."""
+        """Append a rest at the joint positions q (n,) rad for `time` (s)."""
         append_rest(self.duration, q, self.pieces)
         self.duration += time
 
     def leg(self, time: float, leg: Leg) -> None:
-        """Append a leg of `time` (s), as `shortest_time` returns it.
+        """Append a leg (motion in which all joints begin and end together) to the path.
+
+        Args:
+            time: s, duration of the leg, for which it must be possible: a result of `shortest_time`.
+            leg: States of the joints at start and end.
 
         Raises:
-            NoLeg: ruckig finds none.
+            NoLeg: The profile is "ruckig", and ruckig finds no such leg.
         """
         if self._kind == RUCKIG:
             shortest = shortest_leg(leg, self._limits, time)
@@ -84,7 +98,7 @@ class Path:
         self.duration += time
 
     def join(self, other: Path) -> None:
-        """Append another path."""
+        """Append the polynomials of another path of the same joints."""
         mine, others = self.pieces, other.pieces
         for i, (have, more) in enumerate(zip(mine.counts, others.counts, strict=True)):
             mine.knots[i, have : have + more] = self.duration + others.knots[i, :more]

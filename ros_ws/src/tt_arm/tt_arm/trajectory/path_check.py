@@ -1,4 +1,4 @@
-"""The last check of a path: position, speed, acceleration, jerk, clearance and torque, on it and while braking from it."""
+"""Last check of a planned path: position, speed, acceleration, jerk, clearance and torque, on the path and while braking from it."""
 
 from __future__ import annotations
 
@@ -16,33 +16,43 @@ from .path import Path
 from .profiles import evaluate
 from .torque import torque_shares
 
-STEP = 1e-3  # s, between two looks at the limits
-COARSE = 10e-3  # s, at most between two looks at the clearance: at 3 m/s the racket moves 30 mm
-SLACK = 2e-3  # relative, for rounding
+STEP = 1e-3  # s between two checks of the limits
+COARSE = 10e-3  # s, least time between two checks of the clearance: at 3 m/s the racket moves 30 mm
+SLACK = 2e-3  # relative excess of a limit that is tolerated, for rounding
 
 
 class Extremes(NamedTuple):
-    """The extremes of a path, (n,) each."""
+    """Extreme values of each joint on a path, arrays (n,).
 
-    low: Array  # rad, lowest position
-    high: Array  # rad, highest position
-    speed: Array  # rad/s
-    acceleration: Array  # rad/s^2
-    jerk: Array  # rad/s^3; a step of acceleration is a high jerk
-    held_low: Array  # rad, lowest position of a joint that keeps its speed for the drives' timeout anywhere, then brakes
-    held_high: Array  # rad, highest position of such a joint
+    Attributes:
+        low: rad, lowest position.
+        high: rad, highest position.
+        speed: rad/s, largest absolute speed.
+        acceleration: rad/s^2, largest absolute acceleration.
+        jerk: rad/s^3, largest absolute jerk; a step of the acceleration gives a high jerk.
+        held_low: rad, lowest position that a joint would reach if its drive held a command anywhere on the path and then braked.
+        held_high: rad, highest such position.
+    """
+
+    low: Array
+    high: Array
+    speed: Array
+    acceleration: Array
+    jerk: Array
+    held_low: Array
+    held_high: Array
 
 
 @njit(cache=True, nogil=True)
 def extremes(end: float, braking: Array, hold: float, knots: Array, coefficients: Array) -> Extremes:
-    """Find the extremes of a path, every STEP.
+    """Find the extreme values of each joint on a path, which is sampled every STEP seconds.
 
     Args:
-        end: s, until which the path is sampled.
-        braking: (n,) rad/s^2, at which each joint brakes.
-        hold: s, for which a drive may hold a command.
-        knots: (joints, n) of the path, see `profiles`.
-        coefficients: (joints, n, 6) of the path.
+        end: s, time from the start of the path up to which it is sampled.
+        braking: (n,) rad/s^2, deceleration with which each joint brakes.
+        hold: s, time for which a drive may hold a command.
+        knots: (joints, n) s, starts of the polynomials of the path, see `profiles`.
+        coefficients: (joints, n, 6) polynomials of the path.
     """
     n = len(braking)
     low, high, speed, acceleration, jerk = np.full(n, np.inf), np.full(n, -np.inf), np.zeros(n), np.zeros(n), np.zeros(n)
@@ -62,12 +72,12 @@ def extremes(end: float, braking: Array, hold: float, knots: Array, coefficients
 
 
 def path_failure(path: Path, model: ArmModel, limits: SwingLimits) -> Failure | None:
-    """Return the first limit that a path does not keep, or None.
+    """Return a failure with the first limit that a path does not keep; None if it keeps all limits.
 
     Args:
-        path: What is checked.
+        path: The path to check.
         model: The arm.
-        limits: What the swing may use.
+        limits: Limits that swings must keep.
     """
     joints, end, hold = limits.of_joints(model), path.duration, limits.hold
     names, units, polynomials = joints.names, joints.units, path.pieces[:2]

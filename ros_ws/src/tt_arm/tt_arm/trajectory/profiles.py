@@ -1,14 +1,15 @@
-"""One joint from one position and speed to another in a given time, within limits of speed, acceleration and jerk.
+"""Motions of one joint between two states in a given time, within limits of speed, acceleration and jerk.
 
-All speeds that are possible at a time t lie between two envelopes: as fast as the limits allow, min(v0 + a t, v_max, v1 + a (T - t)), and
-as slow as they allow. The distances that are possible in the time T are therefore an interval, and a mixture of the two envelopes reaches
-each of them within the limits.
+All speeds that are possible at a time t lie between two envelopes: the fastest speed that the limits permit, which is
+min(v0 + a t, v_max, v1 + a (T - t)), and the slowest one. Therefore the distances that are possible in the time T form an interval, and a
+weighted mean of the two envelopes covers each of them within the limits.
 
-The jerk limit follows from an average: averaging a motion over a window of time passes no limit, and turns a step of acceleration into a
-ramp. So a jerk limit takes one ramp of time, shifts both ends by half a ramp at their speeds, and changes nothing else.
+The jerk limit is kept by averaging: the moving average of a motion over a window of time exceeds no limit that the motion keeps, and turns
+a step of acceleration into a ramp. So a jerk limit makes the motion longer by the duration of one ramp, moves both ends by half a ramp at
+their speeds, and changes nothing else.
 
-The kernels do not check their arguments. Units are rad and s, or m and s for a linear joint. A motion is a row of polynomials: `knots`
-(n,), the times where they start, and `coefficients` (n, 6) in the time since then, lowest power first.
+The kernels do not check their arguments. Units are rad and s, or m and s for a linear joint. A motion is a sequence of polynomials: `knots`
+(n,) are the times at which they start, and `coefficients` (n, 6) are those of the powers of the time since then, lowest power first.
 """
 
 from __future__ import annotations
@@ -20,39 +21,63 @@ import numpy as np
 from numba import njit
 from tt_core.states import Array
 
-SLACK = 1e-9  # relative, for rounding at the very limit
-CHECKS = 96  # points at which a quintic is compared with its limits; between them it rises by less than 0.1 %
+SLACK = 1e-9  # relative tolerance, for rounding exactly at a limit
+CHECKS = 96  # number of points at which a quintic is compared with its limits; between them it increases by less than 0.1 %
 
 
 class Ends(NamedTuple):
-    """The start (0) and the end (1) of a motion of one joint. It ends without acceleration."""
+    """States of one joint at the start (0) and at the end (1) of a motion; the acceleration at the end is 0.
 
-    q0: float  # rad
-    v0: float  # rad/s
-    a0: float  # rad/s^2
-    q1: float  # rad
-    v1: float  # rad/s
+    Attributes:
+        q0: rad, position at the start.
+        v0: rad/s, speed at the start.
+        a0: rad/s^2, acceleration at the start.
+        q1: rad, position at the end.
+        v1: rad/s, speed at the end.
+    """
+
+    q0: float
+    v0: float
+    a0: float
+    q1: float
+    v1: float
 
 
 class Bounds(NamedTuple):
-    """The limits of one joint, both ways."""
+    """Limits of one joint for both directions: speed in rad/s, acceleration in rad/s^2, jerk in rad/s^3."""
 
-    speed: float  # rad/s
-    acceleration: float  # rad/s^2
-    jerk: float  # rad/s^3
+    speed: float
+    acceleration: float
+    jerk: float
 
 
 class Decay(NamedTuple):
-    """What follows when an acceleration is reduced to zero at the jerk limit."""
+    """State of a joint after its acceleration was reduced to zero with the largest jerk.
 
-    time: float  # s, that it takes
-    q: float  # rad, position then
-    v: float  # rad/s, speed then
+    Attributes:
+        time: s, duration of the reduction.
+        q: rad, position after it.
+        v: rad/s, speed after it.
+    """
+
+    time: float
+    q: float
+    v: float
 
 
 @njit(cache=True)
 def least_time(distance: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
-    """Return the shortest time (s) for `distance` between the speeds v0 and v1. Not all longer times are possible when v0 is not zero."""
+    """Return the shortest time (s) in which a joint moves by a distance, without a jerk limit.
+
+    A longer time need not be possible if v0 is not zero.
+
+    Args:
+        distance: rad, with sign.
+        v0: rad/s, speed at the start.
+        v1: rad/s, speed at the end.
+        speed: rad/s, speed limit.
+        acceleration: rad/s^2, acceleration limit.
+    """
     direct = 0.5 * (v0 + v1) * abs(v1 - v0) / acceleration
     if distance < direct:
         distance, v0, v1 = -distance, -v0, -v1
@@ -65,20 +90,36 @@ def least_time(distance: float, v0: float, v1: float, speed: float, acceleration
 
 @njit(cache=True)
 def least_time_to_rest(distance: float, speed: float, acceleration: float) -> float:
-    """Return the shortest time (s) to come to rest at `distance` (not negative), from whatever start speed is best."""
+    """Return the shortest time (s) in which a joint moves by a distance and comes to rest, with the best possible speed at the start.
+
+    Args:
+        distance: rad, not negative.
+        speed: rad/s, speed limit.
+        acceleration: rad/s^2, acceleration limit.
+    """
     ramp = 0.5 * speed * speed / acceleration
     return math.sqrt(2.0 * distance / acceleration) if distance < ramp else (distance + ramp) / speed
 
 
 @njit(cache=True)
 def _peak_speed(time: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
-    """Return the highest speed of the fast envelope."""
+    """Return the highest speed (rad/s) of the fastest motion of duration `time` (s) between the speeds v0 and v1."""
     return min(speed, 0.5 * (v0 + v1 + acceleration * time))
 
 
 @njit(cache=True)
 def largest_distance(time: float, v0: float, v1: float, speed: float, acceleration: float) -> float:
-    """Return the largest distance in `time` (s) between the speeds v0 and v1. The smallest is -largest_distance(time, -v0, -v1, ...)."""
+    """Return the largest distance (rad) that a joint can move in a given time, without a jerk limit.
+
+    The smallest distance is -largest_distance(time, -v0, -v1, ...).
+
+    Args:
+        time: s, duration of the motion.
+        v0: rad/s, speed at the start.
+        v1: rad/s, speed at the end.
+        speed: rad/s, speed limit.
+        acceleration: rad/s^2, acceleration limit.
+    """
     peak = _peak_speed(time, v0, v1, speed, acceleration)
     ramps = (peak * peak - 0.5 * (v0 * v0 + v1 * v1)) / acceleration
     return ramps + peak * (time - (2.0 * peak - v0 - v1) / acceleration)
@@ -86,7 +127,16 @@ def largest_distance(time: float, v0: float, v1: float, speed: float, accelerati
 
 @njit(cache=True)
 def is_possible(time: float, distance: float, v0: float, v1: float, speed: float, acceleration: float) -> bool:
-    """Return whether `distance` in exactly `time` (s) between the speeds v0 and v1 is possible without a jerk limit."""
+    """Return whether a joint can move by a distance in exactly the given time, without a jerk limit.
+
+    Args:
+        time: s, duration of the motion.
+        distance: rad, with sign.
+        v0: rad/s, speed at the start.
+        v1: rad/s, speed at the end.
+        speed: rad/s, speed limit.
+        acceleration: rad/s^2, acceleration limit.
+    """
     if abs(v1 - v0) > acceleration * time * (1.0 + SLACK):
         return False
     slack = SLACK * (1.0 + abs(distance))
@@ -96,9 +146,16 @@ def is_possible(time: float, distance: float, v0: float, v1: float, speed: float
 
 @njit(cache=True)
 def largest_end_speed(time: float, distance: float, v0: float, speed: float, acceleration: float) -> float:
-    """Return the largest speed at the end of `distance` in `time` (s) from the speed v0.
+    """Return the largest speed (rad/s) that a joint can have after it has moved by a distance in a given time.
 
-    The smallest is -largest_end_speed(time, -distance, -v0, ...). If that is larger, there is no such motion.
+    The smallest speed is -largest_end_speed(time, -distance, -v0, ...). If that is larger than the largest one, the motion is impossible.
+
+    Args:
+        time: s, duration of the motion.
+        distance: rad, with sign.
+        v0: rad/s, speed at the start.
+        speed: rad/s, speed limit.
+        acceleration: rad/s^2, acceleration limit.
     """
     k = v0 - acceleration * time
     square = 2.0 * k * k - 2.0 * v0 * v0 + 4.0 * acceleration * distance
@@ -111,17 +168,19 @@ def largest_end_speed(time: float, distance: float, v0: float, speed: float, acc
 
 @njit(cache=True)
 def polyline(time: float, ends: Ends, bounds: Bounds, knots: Array, coefficients: Array) -> int:
-    """Fill a motion whose speed is a polyline, the mixture of both envelopes that covers the distance; a0 and the jerk limit are ignored.
+    """Compute a motion whose speed is piecewise linear: the weighted mean of the fastest and the slowest speeds that covers the distance.
+
+    The acceleration at the start and the jerk limit are ignored.
 
     Args:
-        time: s, for which the motion must be possible, see `is_possible`.
-        ends: Start and end.
-        bounds: The limits.
-        knots: (5,) or more, filled, from 0 on.
-        coefficients: (5, 6) or more, filled.
+        time: s, duration of the motion, which must be possible, see `is_possible`.
+        ends: States of the joint at start and end.
+        bounds: Limits of the joint.
+        knots: (5,) s or longer, output: filled with the starts of the polynomials, beginning with 0.
+        coefficients: (5, 6) or longer, output: filled with the polynomials.
 
     Returns:
-        How many polynomials were filled: 5.
+        The number of polynomials: 5.
     """
     q0, v0, _, q1, v1 = ends
     speed, acceleration, _ = bounds
@@ -150,14 +209,27 @@ def polyline(time: float, ends: Ends, bounds: Bounds, knots: Array, coefficients
 
 @njit(cache=True)
 def decay(q0: float, v0: float, a0: float, jerk: float) -> Decay:
-    """Return what follows when the acceleration a0 is reduced to zero at `jerk`."""
+    """Return the state of a joint after its acceleration is reduced to zero.
+
+    Args:
+        q0: rad, position at the start.
+        v0: rad/s, speed at the start.
+        a0: rad/s^2, acceleration at the start.
+        jerk: rad/s^3, absolute value of the jerk.
+    """
     time = abs(a0) / jerk
     return Decay(time, q0 + time * (v0 + time * a0 / 3.0), v0 + 0.5 * time * a0)
 
 
 @njit(cache=True)
 def trapezoid_is_possible(time: float, ends: Ends, bounds: Bounds) -> bool:
-    """Return whether `trapezoid` can make this motion."""
+    """Return whether `trapezoid` can make a motion within the limits.
+
+    Args:
+        time: s, duration of the motion.
+        ends: States of the joint at start and end.
+        bounds: Limits of the joint.
+    """
     first, q, v = decay(ends.q0, ends.v0, ends.a0, bounds.jerk)
     ramp = 2.0 * bounds.acceleration / bounds.jerk
     left, distance = time - first - ramp, ends.q1 - q - 0.5 * ramp * (v + ends.v1)
@@ -166,20 +238,21 @@ def trapezoid_is_possible(time: float, ends: Ends, bounds: Bounds) -> bool:
 
 @njit(cache=True)
 def trapezoid(time: float, ends: Ends, bounds: Bounds, knots: Array, coefficients: Array) -> int:
-    """Fill a motion with trapezoids of acceleration in a fixed time (dissertation Section 1.1), from the acceleration a0 to none.
+    """Compute a motion with trapezoidal acceleration in a given time (dissertation Section 1.1).
 
-    First a0 is reduced to zero. Then a polyline of speed between the shifted ends is averaged over one ramp. The ramp is as long as the
-    jerk limit takes from `acceleration` to -`acceleration`, the largest step of the polyline; each step becomes a jerk for that long.
+    First the acceleration at the start is reduced to zero. Then a motion of `polyline` between the moved ends is averaged over the duration
+    of one ramp. This is the time in which the largest jerk changes the acceleration from its upper to its lower limit, the largest step of
+    `polyline`. So each step of the acceleration becomes a constant jerk for this time.
 
     Args:
-        time: s, for which the motion must be possible, see `trapezoid_is_possible`.
-        ends: Start and end.
-        bounds: The limits.
-        knots: (12,) or more, filled, from 0 on.
-        coefficients: (12, 6) or more, filled.
+        time: s, duration of the motion, which must be possible, see `trapezoid_is_possible`.
+        ends: States of the joint at start and end.
+        bounds: Limits of the joint.
+        knots: (12,) s or longer, output: filled with the starts of the polynomials, beginning with 0.
+        coefficients: (12, 6) or longer, output: filled with the polynomials.
 
     Returns:
-        How many polynomials were filled, at most 12.
+        The number of polynomials, at most 12.
     """
     first, q, v = decay(ends.q0, ends.v0, ends.a0, bounds.jerk)
     ramp = 2.0 * bounds.acceleration / bounds.jerk
@@ -218,16 +291,16 @@ def trapezoid(time: float, ends: Ends, bounds: Bounds, knots: Array, coefficient
 
 @njit(cache=True)
 def quintic(time: float, ends: Ends, knots: Array, coefficients: Array) -> int:
-    """Fill the polynomial of fifth degree from the acceleration a0 to none (dissertation Section 1.1).
+    """Compute a motion as one polynomial of fifth degree (dissertation Section 1.1); the limits are not checked.
 
     Args:
-        time: s.
-        ends: Start and end.
-        knots: (1,) or more, filled: 0.
-        coefficients: (1, 6) or more, filled.
+        time: s, duration of the motion.
+        ends: States of the joint at start and end.
+        knots: (1,) s or longer, output: filled with 0, the start of the polynomial.
+        coefficients: (1, 6) or longer, output: filled with the polynomial.
 
     Returns:
-        How many polynomials were filled: 1.
+        The number of polynomials: 1.
     """
     q0, v0, a0, q1, v1 = ends
     knots[0] = 0.0
@@ -241,7 +314,16 @@ def quintic(time: float, ends: Ends, knots: Array, coefficients: Array) -> int:
 
 @njit(cache=True)
 def quintic_is_possible(time: float, ends: Ends, bounds: Bounds) -> bool:
-    """Return whether the quintic keeps the jerk limit, and 0.998 of the other limits at CHECKS points, so that it keeps them everywhere."""
+    """Return whether the motion of `quintic` keeps the limits of speed, acceleration and jerk.
+
+    The jerk is compared exactly. Speed and acceleration are compared with 0.998 of their limits at CHECKS points, so that they keep the
+    limits everywhere.
+
+    Args:
+        time: s, duration of the motion.
+        ends: States of the joint at start and end.
+        bounds: Limits of the joint.
+    """
     knots, coefficients = np.empty(1), np.empty((1, 6))
     quintic(time, ends, knots, coefficients)
     c = coefficients[0]
@@ -260,15 +342,17 @@ def quintic_is_possible(time: float, ends: Ends, bounds: Bounds) -> bool:
 
 @njit(cache=True)
 def evaluate(t: float, knots: Array, coefficients: Array, q: Array, qdot: Array, qddot: Array) -> None:
-    """Fill position, speed and acceleration of all joints at one time. Before the first knot the motion is straight.
+    """Compute position, speed and acceleration of all joints on a path at one time.
+
+    Before the first knot the joints move with constant speed. After the last knot the last polynomial is used.
 
     Args:
         t: s since the start of the path.
-        knots: (joints, n) s, padded with inf.
-        coefficients: (joints, n, 6).
-        q: (n,) rad; filled.
-        qdot: (n,) rad/s; filled.
-        qddot: (n,) rad/s^2; filled.
+        knots: (joints, n) s, starts of the polynomials, padded with inf.
+        coefficients: (joints, n, 6) polynomials in the time since their start, lowest power first.
+        q: (joints,) rad, output: filled with the positions.
+        qdot: (joints,) rad/s, output: filled with the speeds.
+        qddot: (joints,) rad/s^2, output: filled with the accelerations.
     """
     for i in range(knots.shape[0]):
         n = 0

@@ -1,4 +1,4 @@
-"""Which torques a path asks of the motors."""
+"""Joint torques that a path needs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,16 @@ from .profiles import evaluate
 
 @njit(cache=True, nogil=True)
 def largest_torques(end: float, step: float, knots: Array, coefficients: Array, chain: Chain, links: Links) -> Array:
-    """Return the largest torque of each joint on a path, (n,) N m or N, both ways; see `torque_shares`."""
+    """Return the largest absolute torque of each joint on a path, (n,) N m, or N for a linear joint.
+
+    Args:
+        end: s, time from the start of the path up to which it is sampled.
+        step: s between two samples.
+        knots: (joints, n) s, starts of the polynomials of the path, see `profiles`.
+        coefficients: (joints, n, 6) polynomials of the path.
+        chain: Geometry of the arm.
+        links: Masses and inertias of the links.
+    """
     n = len(knots)
     q, qdot, qddot, torque, most, wrenches = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n), np.empty((n, 6))
     for k in range(math.ceil(end / step) + 1):
@@ -28,18 +37,18 @@ def largest_torques(end: float, step: float, knots: Array, coefficients: Array, 
 
 
 def torque_shares(model: ArmModel, end: float, step: float, knots: Array, coefficients: Array) -> Array:
-    """Compute the largest share of the rated torque that a path needs.
+    """Compute the largest share of its rated torque that each joint needs on a path.
 
-    Inertias are those of cylinders and the gears are assumed, see the URDF. Friction and rotors are left out.
+    Friction and the inertia of the rotors are neglected. The PA10's inertias (solid cylinders) and gear ratio are assumed, see its URDF.
 
     Args:
         model: The arm.
-        end: s, until which the path is sampled.
+        end: s, time from the start of the path up to which it is sampled.
         step: s between two samples.
-        knots: (joints, n) of the path, see `profiles`.
-        coefficients: (joints, n, 6) of the path.
+        knots: (joints, n) s, starts of the polynomials of the path, see `profiles`.
+        coefficients: (joints, n, 6) polynomials of the path.
 
     Returns:
-        (n,), the largest share of each joint.
+        (n,) largest torque of each joint divided by its rated torque.
     """
     return np.asarray(largest_torques(end, step, knots, coefficients, model.chain, model.links) / model.limits.effort)
