@@ -425,12 +425,18 @@ def test_the_servo_pulls_towards_the_path():
 
 
 def test_nothing_is_left_to_compile_once_warm():
-    """In a process of its own, for here the other tests have compiled; a kernel that is loaded while a ball flies costs 0.1 s."""
+    """Neither while it plays nor in faults, whose kernels hold up the stop itself.
+
+    In a process of its own, for here the other tests have compiled; a kernel that is loaded while a ball flies costs 0.1 s.
+    """
     script = """
 import importlib, pkgutil, tt_arm
 from numba.core.dispatcher import Dispatcher
 from arm.dissertation_strokes import printed
 from arm.test_control import MODEL, Arm
+from arm.test_control_fuzz import FaultyArm
+from hypothesis import settings
+from hypothesis.stateful import run_state_machine_as_test
 from tt_arm.control import warm
 
 def kernels():
@@ -445,6 +451,7 @@ arm.control.take(printed(0.5)[:1])
 arm.run(0.7)
 arm.control.take([*printed(1.3), *printed(0.75)])
 arm.run(2.0)
+run_state_machine_as_test(FaultyArm, settings=settings(max_examples=20, stateful_step_count=20, derandomize=True, deadline=None))
 print(sorted(kernels() - before))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])

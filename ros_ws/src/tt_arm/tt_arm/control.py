@@ -24,6 +24,7 @@ from . import dissertation
 from .joints import Joints
 from .model import ArmModel
 from .reach import Reach, ReachParams, reach
+from .safety.clearance import clearance
 from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
@@ -504,7 +505,9 @@ def warm(model: ArmModel) -> None:
     control.take([RacketState(0.5, racket.position + 0.005, racket.velocity, racket.alpha, racket.beta)])
     control.step(Joints.at_rest(0.002, model.waiting))
     for time in (0.004, 0.006):  # kernels that only a moving arm needs
-        control.guard.check(Joints(time, joints.q, joints.qdot), np.full(len(joints.q), 0.01), time)
+        control.guard.check(Joints(time, joints.q, joints.qdot), np.sign(middle - model.waiting), time)
+    control.guard.stop(0.0065, joints)  # kernels of an arm that brakes, or is near to something
+    clearance(model.waiting.copy(), model.bodies)
     for method in ("near", "liu") if len(model.names) == dissertation.JOINTS else ("near",):
         reach(model, racket, model.waiting, method=method)
     rest = np.zeros(len(model.names))

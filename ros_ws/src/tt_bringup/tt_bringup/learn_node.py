@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,14 @@ NICE = 5  # priority of the process: the nodes that play the ball come first
 LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes, largest message of each kind that is read
 LAG = 0.15  # s, delay with which joint states and pixels are processed: pixels come up to 0.1 s late on a busy machine
 MOST_WAITING = 1000  # length of the queues: 3 s of pixels of both cameras, 2 s of joint states
+TOLD = 0.005  # least change of a factor that the terminal shows
 SILENCE = 0.3  # s without a pixel, after which a ball is over
+
+
+class LearnLine(Enum):
+    """Messages that this node writes to the terminal."""
+
+    LEARNT = "factors of the coefficients after this ball: {factors}"
 
 
 @dataclass(frozen=True)
@@ -194,6 +202,8 @@ class LearnNode(Node):
                 self.status.publish(f"not saved: {error}", warn=True)
         factors: dict[str, Any] = dict(zip(FACTORS, np.exp(self.learner.logarithms).round(4).tolist(), strict=True))
         self.status.publish(Event.LEARNT, stamp=self.newest, **factors)
+        changed = [f"{name} {factor:.3f}" for name, factor in factors.items() if abs(factor - 1.0) > TOLD]
+        self.status.terminal.info(LearnLine.LEARNT, factors=", ".join(changed) or f"none by more than {TOLD:.1%}")
 
 
 def main() -> None:

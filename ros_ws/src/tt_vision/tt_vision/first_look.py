@@ -218,7 +218,7 @@ class FirstLook:
         """Cut the ball out of all frames where the motion has it, and forget what was found on the circles. views: (images,) VIEW."""
         self._light = self._proposal = None
         for k, frame in enumerate(self._frames):
-            self._cut_out(frame, views[k :: len(self._frames)])
+            self._cut_out(frame, np.ascontiguousarray(views[k :: len(self._frames)]))
         self._light_up()
 
     def _light_up(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from enum import Enum
 
 import numpy as np
 from nav_msgs.msg import Odometry
@@ -28,6 +29,12 @@ from .wide_inputs import WideInputs
 
 LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 LARGEST_STATE = 4096  # bytes: a state has 730
+
+
+class TrackLine(Enum):
+    """Messages that this node writes to the terminal."""
+
+    FOLLOWED = "follows ball {number}: at x {x:.2f}, y {y:.2f}, z {z:.2f} m with {speed:.2f} m/s"
 
 
 @dataclass(frozen=True)
@@ -112,6 +119,8 @@ class TrackNode(Node):
         if self.tracker.counts.balls != self.followed:
             self.followed = self.tracker.counts.balls
             self.status.publish(Event.FOLLOWED, stamp=ball.time, **asdict(self.tracker.counts))
+            x, y, z = ball.position
+            self.status.terminal.info(TrackLine.FOLLOWED, number=self.followed, x=x, y=y, z=z, speed=float(np.linalg.norm(ball.velocity)))
 
 
 def main() -> None:
