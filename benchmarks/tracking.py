@@ -6,10 +6,13 @@ parabola, and gravity with a drag that was fitted to the same half. Published, o
 0.5 s in the median (Achterhold et al. 2023).
 
 Simulated: balls of the launcher in the world `real`, with coefficients of their own, seen by two wide cameras with 0.15 pixels of noise.
+NEES is the squared error of a state over its covariance, NIS that of a pixel, before it is taken, over the covariance of its prediction;
+both per dimension. Beside the tracker stands an extended Kalman filter of flight alone, which knows no table.
 """
 
 from __future__ import annotations
 
+import copy
 import os
 import time
 from pathlib import Path
@@ -32,8 +35,10 @@ AHEAD = (0.1, 0.2, 0.3, 0.5)  # s
 SIGMA = 0.0024  # m, of a recorded position: residuals of the fitted half are 1.6 mm, and half as much again because they last
 SPIN_WEIGHT = 0.03  # see TrackerParams: the spins of the groups differ fifty-fold
 COEFFICIENTS = ["air.drag", "air.lift_ratio", "table.restitution", "table.friction", "table.grip"]
+HORIZON = 0.1  # s ahead, of predictions that are compared with those of the filter
 NOISE = 0.15  # pixels, of the world `real`
 MEASURED = np.repeat([5e-4, 0.02, 5.0], 3)  # m, m/s, rad/s: standard deviations of a measured ball
+PROCESS = 10.0  # m/s per root of s: acceleration that the filter of flight alone allows for; of 10, 40, 100 and 200 the best
 FAULTS = ("none", "lost", "outliers", "jitter", "one_camera")
 
 
@@ -116,6 +121,69 @@ def simulated(seed, announced, fault):
     return rows
 
 
+def slopes(camera, place):
+    """Derivative (2, 3) of the pixel by the place, pixels/m."""
+    steps = 1e-4 * np.eye(3)
+    return ((camera.project(place + steps) - camera.project(place - steps)) / 2e-4).T
+
+
+def innovation(tracker, camera, stamp, pixel):
+    """NIS per dimension of a pixel before it is taken; None while there is no ball."""
+    predicted = tracker.state(stamp)
+    if predicted is None:
+        return None
+    off, j = pixel - camera.project(predicted.position[None])[0], slopes(camera, predicted.position)
+    return off @ np.linalg.solve(j @ predicted.covariance[:3, :3] @ j.T + NOISE**2 * np.eye(2), off) / 2.0
+
+
+class FlightFilter:
+    """Extended Kalman filter of place and velocity with gravity and drag, which knows no table."""
+
+    def __init__(self, ball, air):
+        self.time, self.state, self.covariance, self.air = ball.time, ball.vector[:6].copy(), ball.covariance[:6, :6].copy(), air
+
+    def predict(self, stamp):
+        step, v = stamp - self.time, self.state[3:]
+        pull = self.air.acceleration(v, np.zeros(3))
+        by_velocity = np.column_stack([(self.air.acceleration(v + e, np.zeros(3)) - pull) / 1e-3 for e in 1e-3 * np.eye(3)])
+        along = np.eye(6) + np.block([[np.zeros((3, 3)), step * np.eye(3)], [np.zeros((3, 3)), step * by_velocity]])
+        noise = PROCESS**2 * np.kron([[step**3 / 3, step**2 / 2], [step**2 / 2, step]], np.eye(3))
+        self.state = np.concatenate([self.state[:3] + step * v + 0.5 * step**2 * pull, v + step * pull])
+        self.covariance, self.time = along @ self.covariance @ along.T + noise, stamp
+
+    def take(self, stamp, camera, pixel):
+        if stamp > self.time:
+            self.predict(stamp)
+        h = np.hstack([slopes(camera, self.state[:3]), np.zeros((2, 3))])
+        gain = self.covariance @ h.T @ np.linalg.inv(h @ self.covariance @ h.T + NOISE**2 * np.eye(2))
+        self.state = self.state + gain @ (pixel - camera.project(self.state[None, :3])[0])
+        self.covariance = (np.eye(6) - gain @ h) @ self.covariance
+
+
+def compared(seed):
+    """Return rows of one ball: s after the bounce, errors in m, 0.1 s ahead, of the tracker and of the filter; and its NIS values."""
+    rng, world = np.random.default_rng(seed), load_world("real")
+    ball, _ = launch("mixed", int(rng.integers(3, 6)), LauncherParams(), rng)
+    path = rollout(ball, world.domain_randomization.draw(world.of_session(seed).physics, rng), StopRule.at_x(-0.4))
+    cameras, rows, nis = wide_pair(), [], []
+    seen = BallState.from_vector(0.0, ball.vector + MEASURED * rng.normal(size=9), np.diag(MEASURED**2))
+    tracker, flight = Tracker(world.physics, cameras), FlightFilter(seen, world.physics.air)
+    tracker.start(seen)
+    for stamp in np.arange(rng.uniform() / WIDE_RATE, path.times[-1] - HORIZON, 1.0 / WIDE_RATE):
+        for index, camera in enumerate(cameras):
+            pixel = camera.project(path.at(stamp).position[None])[0] + rng.normal(0.0, NOISE, 2)
+            if (value := innovation(tracker, camera, stamp, pixel)) is not None:
+                nis.append(value)
+            tracker.add_pixel(stamp, index, pixel, NOISE)
+            flight.take(stamp, camera, pixel)
+        true, found = path.at(stamp + HORIZON).position, tracker.state(stamp + HORIZON)
+        ahead = copy.copy(flight)
+        ahead.predict(stamp + HORIZON)
+        if found is not None and path.bounces:
+            rows.append((stamp - path.bounces[0].time, np.linalg.norm(found.position - true), np.linalg.norm(ahead.state[:3] - true)))
+    return rows, nis
+
+
 def main():
     args = arguments("tracking", 200)
     metrics = {}
@@ -151,6 +219,16 @@ def main():
                     np.quantile(off, 0.95),
                 )
                 metrics[f"{prefix}spin_{axis}_{when}_within_2_sigma"] = np.mean(off < 2.0 * part[:, 18 + k])
+    balls = [compared(seed) for seed in range(args.runs)]
+    rows, nis = np.array([row for part, _ in balls for row in part]), np.concatenate([values for _, values in balls])
+    metrics["nis"], metrics["nis_median"] = nis.mean(), np.median(nis)
+    after = rows[(rows[:, 0] > 0.0) & (rows[:, 0] < 0.3)]
+    for k, who in ((1, "tracker"), (2, "without_bounce_model")):
+        for when, part in (("across", rows[(rows[:, 0] > -HORIZON) & (rows[:, 0] < 0.0)]), ("after", after)):
+            metrics[f"{who}_{when}_bounce_median_m"], metrics[f"{who}_{when}_bounce_p95_m"] = (
+                np.median(part[:, k]),
+                np.quantile(part[:, k], 0.95),
+            )
     report("tracking", args.runs, metrics, args.json)
 
 
