@@ -6,6 +6,8 @@ N balls through the real nodes (default 100), for the time from a wide camera's 
 
 Sessions have 50 balls; landing errors are those after the first ten. A ball can be reached if an oracle that knows the true path from the
 launch on has a stroke for it (`tt_eval.oracle`). Errors at the strike are those of the path predicted from the last state at least so old.
+Replans are strokes from newer states for a ball on its way; the arm is judged by the plant's own record: its largest share of the speed
+limits, its largest acceleration (rad/s^2), its least clearance (m), and end stop hits.
 """
 
 from __future__ import annotations
@@ -24,12 +26,14 @@ import latency
 import numpy as np
 from feedback_figure import draw
 from report import report
+from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_core.flight import fly
 from tt_core.revision import revision
 from tt_eval.episode import landing_error, session
 from tt_eval.oracle import reachable
 from tt_eval.scenario import Scenario, load
+from tt_sim.world.arm_record import ArmRecord
 from tt_sim.world.outcome import Result
 
 SESSION, LEARNT = 50, 10  # balls of a session, and those before its landing errors count
@@ -86,6 +90,16 @@ def consistency(episode):
     return ratios
 
 
+def arm_record(episode, model):
+    """Return the worst that the true arm did while a ball flew."""
+    n = len(model.names)
+    states = [Joints(row[0], row[1 : 1 + n], row[1 + n :]) for row in episode.joints]
+    record = ArmRecord(model, states[0])
+    for joints in states[1:]:
+        record.note(joints)
+    return {"speed": record.speed[0], "acceleration": record.acceleration[0], "clearance": record.clearance[0], "hits": record.hits}
+
+
 def play(name, number, balls):
     """Play one session; return a row for each ball."""
     scenario, rows = scenarios()[name][0], []
@@ -100,6 +114,8 @@ def play(name, number, balls):
                 "reachable": reachable(episode.trial, model).swing is not None if name == "real" else None,
                 "strike": strike_errors(episode),
                 "nees": consistency(episode),
+                "replans": max(0, len(episode.answers) - 1),
+                "arm": arm_record(episode, model),
             }
         )
     return rows
@@ -128,6 +144,9 @@ def of_balls(name, sessions):
     ratios = [ratio for row in rows for ratio in row["nees"]]
     if ratios:
         metrics[f"{name}_nees"] = float(np.mean(ratios))
+    metrics[f"{name}_replans"] = sum(row["replans"] for row in rows)
+    for what, worst in (("speed", max), ("acceleration", max), ("clearance", min), ("hits", max)):
+        metrics[f"{name}_arm_{what}"] = worst(row["arm"][what] for row in rows)
     if name == "real":
         can = [row["hit"] for row in rows if row["reachable"]]
         metrics["reachable_share"], metrics["reachable_hit_share"] = len(can) / len(rows), float(np.mean(can))
