@@ -28,11 +28,10 @@ def landings(balls: Sequence[BallRecord]) -> go.Figure:
     places = np.array([place for _, place in reached]).reshape(-1, 2)
     names = [f"ball {number}" for number, _ in reached]
     figure.add_scatter(
-        x=asked[:, 0], y=asked[:, 1], mode="markers", name="asked", marker={"symbol": "circle-open", "size": 16, "color": GREEN}
-    )
-    figure.add_scatter(
         x=places[:, 0], y=places[:, 1], mode="markers", name="reached", text=names, marker={"symbol": "x", "size": 7, "color": ORANGE}
     )
+    ring = {"symbol": "circle-open", "size": 16, "color": GREEN, "line": {"width": 3}}  # last, so that many landings do not cover it
+    figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", name="asked", marker=ring)
     figure.update_xaxes(title_text="x, m (the robot is left)", range=[-0.1, TABLE_LENGTH + 0.1])
     figure.update_yaxes(title_text="y, m", scaleanchor="x", range=[-0.1, TABLE_WIDTH + 0.1])
     return figure.update_layout(title="Where the returns landed", height=400)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,7 @@ def _page(run: RunRecord, folder: str) -> str:
     here = files(__package__)
     start = script_call("startReport", folder, len(balls), first) if balls else ""
     return html_page(
-        f"Run of {run.bag.resolve().parent.name}/{run.bag.name}",
+        f"Run of {datetime.fromtimestamp(balls[0].start):%d %B %Y, %H:%M}" if balls else "Run without a ball",
         sections,
         lead=verdict(run),
         scripts=[(here / "report.js").read_text() + start],
