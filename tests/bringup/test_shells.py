@@ -5,6 +5,7 @@ install them takes minutes. Afterwards it is moved.
 """
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -21,6 +22,9 @@ COMMANDS = (  # of the README, with what their output holds
     ("ros2 run tt_bringup compare bags/reference_back_5 bags/reference_back_5", "the recordings are equal"),
     ("ros2 pkg executables tt_arm", "tt_arm arm_node"),
 )
+README = (ROOT / "README.md").read_text()
+LAUNCHES = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("ros2 launch ")]
+GIVEN = sorted(set(re.findall(r"params_file:=([\w.]+)", "\n".join(LAUNCHES))))  # files that the reader of the README makes
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +76,16 @@ def test_the_commands_of_the_readme_run(project, clean, shell):
     for command, part in COMMANDS:
         assert part in text, command
     assert str(ROOT) not in text
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_the_launch_lines_of_the_readme_are_taken(project, clean, shell):
+    """With -p, which prints what would be started."""
+    for name in GIVEN:
+        (project / name).touch()
+    lines = [line.replace("ros2 launch ", "ros2 launch -p ", 1) for line in LAUNCHES]
+    text = run(shell, "\n".join(["source ./scripts/env", "set -e", *lines]), project, clean)
+    assert len(lines) > 10 and text.count("estimate_node") >= len(lines) - 2  # a machine without vision has none
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
