@@ -1,6 +1,8 @@
-"""Position, velocity and spin of the ball from two high speed cameras (dissertation Chapter 2).
+"""Position, velocity and spin of the ball from two high speed cameras, and the path of the ball from wide cameras.
 
-`tt_vision.measure.measure` measures a ball from images, `measure_burst` from a burst; `tt_vision.calibrate` is the command.
+The measurement follows Chapter 2 of the Nagoya dissertation "Racket Control and Spinning Ball Measurement for Table Tennis Robot".
+`tt_vision.measure.measure` measures a ball from images, `tt_vision.measure.measure_burst` from a burst: the images of one ball's passage
+through the high speed cameras (about six pairs). `tt_vision.calibrate` is the command that calibrates a camera.
 """
 
 from __future__ import annotations

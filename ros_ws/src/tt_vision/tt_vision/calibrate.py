@@ -25,17 +25,17 @@ from tt_core.states import Array
 from .camera import Camera, calibrate
 from .rig import PIXEL_SIZE, WIDE_SIDES
 
-CAMERAS = "cameras.yaml"  # parameters of both cameras
-ENLARGED = 50.0  # times, the residuals in the picture
+CAMERAS = "cameras.yaml"  # name of the file with the parameters of all cameras
+ENLARGED = 50.0  # factor by which residuals are enlarged in the picture
 
 
 class Calibrated(NamedTuple):
-    """A camera, and what it was calibrated from.
+    """A calibrated camera, and the points from which it was calibrated.
 
     Attributes:
         camera: The camera.
-        points: (n, 3) m in `table`.
-        pixels: (n, 2), where they were seen.
+        points: (n, 3) m in `table`, the known points.
+        pixels: (n, 2) pixels, where the points were seen.
     """
 
     camera: Camera
@@ -44,7 +44,11 @@ class Calibrated(NamedTuple):
 
 
 def from_points(path: Path, args: argparse.Namespace) -> Calibrated:
-    """Calibrate a camera from a file of rows x, y, z (m), u, v (pixels), separated by commas.
+    """Calibrate a camera from a text file of known points and the pixels at which they were seen.
+
+    Args:
+        path: File with one row x, y, z (m in `table`), u, v (pixels) for each point, separated by commas. # begins a comment.
+        args: Options of the command.
 
     Raises:
         TtError: The file cannot be read, or its points do not determine a camera.
@@ -70,14 +74,18 @@ def from_points(path: Path, args: argparse.Namespace) -> Calibrated:
 
 
 def from_board(paths: Sequence[Path], args: argparse.Namespace) -> Calibrated:
-    """Calibrate a camera from images of a chess board, by OpenCV.
+    """Calibrate a camera from images of a chess board, with OpenCV.
 
-    The first image gives the pose: the board lies flat in it, with its first corner at --origin, its rows along x and its columns along -y
-    of `table`, as OpenCV finds the corners from above. All images give the focal length, the principal point and, if asked for, the
-    distortion. Images without the whole board are left out.
+    The first image determines the pose of the camera. In it the board lies flat on the table, with its first inner corner at --origin, its
+    rows along x and its columns along -y of `table`, in the order in which OpenCV finds the corners from above. All images together
+    determine the focal length, the principal point and, if asked for, the distortion. Images that do not show the whole board are left out.
+
+    Args:
+        paths: The image files.
+        args: Options of the command.
 
     Raises:
-        TtError: A file is no image, the images differ in size, the first one does not show the board, or fewer than three do.
+        TtError: A file is not an image, the images differ in size, the first one does not show the board, or fewer than three show it.
     """
     size = (args.columns, args.rows)
     grid = np.zeros((args.columns * args.rows, 3), dtype=np.float32)
@@ -113,7 +121,12 @@ def from_board(paths: Sequence[Path], args: argparse.Namespace) -> Calibrated:
 
 
 def intrinsics(camera: Camera, name: str) -> dict:
-    """Return what camera_info_manager reads: the intrinsics of a camera of that name."""
+    """Return the intrinsics of a camera in the form of the YAML file that the ROS package camera_info_manager reads.
+
+    Args:
+        camera: The camera.
+        name: Its name in the file.
+    """
 
     def matrix(values: Array) -> dict:
         return {"rows": values.shape[0], "cols": values.shape[1], "data": values.ravel().tolist()}
@@ -156,15 +169,15 @@ def with_camera(content: dict, camera: Camera, name: str) -> dict:
 
 
 def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
-    """Draw the residuals.
+    """Draw the residuals of a calibration as arrows, enlarged by the factor ENLARGED.
 
     Args:
         camera: The calibrated camera.
-        pixels: (n, 2), where the points were seen.
-        misses: (n, 2) pixels, from there to where the camera puts them; drawn ENLARGED times.
+        pixels: (n, 2) pixels, where the points were seen.
+        misses: (n, 2) pixels, residuals: from there to where the calibrated camera projects the points.
 
     Returns:
-        (h, w, 3) uint8.
+        (h, w, 3) uint8, the picture in OpenCV's order of colours.
     """
     zoom = max(1.0, 900.0 / camera.width)
     image = np.full((round(camera.height * zoom), round(camera.width * zoom), 3), 255, dtype=np.uint8)
@@ -178,7 +191,7 @@ def picture(camera: Camera, pixels: Array, misses: Array) -> np.ndarray:
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command: calibrate a camera, write the files, and print the result."""
     parser = argparse.ArgumentParser(prog="calibrate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--name", default="left", help="name of the camera and of the files: left, right, wide_left or wide_right (default left)"

@@ -1,4 +1,8 @@
-"""The pinhole camera: projection (2.3), (2.4), triangulation (B.72) to (B.76), calibration from known points (B.66) to (B.71)."""
+"""The pinhole camera: projection, triangulation, and calibration from known points.
+
+The equations are those of the Nagoya dissertation "Racket Control and Spinning Ball Measurement for Table Tennis Robot": projection (2.3)
+and (2.4), triangulation (B.72) to (B.76), calibration (B.66) to (B.71).
+"""
 
 from __future__ import annotations
 
@@ -19,33 +23,34 @@ from .triangulation import triangulate_points
 
 
 class NotARotation(TtError):
-    """A (3, 3) matrix that is no rotation."""
+    """Error: a (3, 3) matrix is not a rotation matrix."""
 
     def __init__(self, name: str, value: Array) -> None:
-        """Keep the matrix."""
+        """Keep the name of the argument and the matrix."""
         super().__init__(f"{name} is not a rotation matrix:\n{value}")
         self.name, self.value = name, value
 
 
 class CannotTriangulate(TtError):
-    """Pixels that tell no point: fewer than two cameras, or parallel rays."""
+    """Error: pixels do not determine a point, because there are fewer than two cameras or the rays are parallel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera that looks along its z axis, with x to the right and y down in the image.
+    """A pinhole camera with lens distortion: pose and intrinsics.
 
-    p_camera = rotation @ p_table + translation (2.3).
+    In the camera's frame z is the line of sight, x points to the right and y down in the image. A point p_table in the frame `table` is
+    p_camera = rotation @ p_table + translation in the camera's frame (equation (2.3) of the dissertation).
 
     Attributes:
-        rotation: (3, 3), from `table` to the camera's frame.
+        rotation: (3, 3) rotation matrix from `table` to the camera's frame.
         translation: (3,) m, the origin of `table` in the camera's frame.
         focal_length: m.
-        pixel_size: m.
-        width: Pixels. Pixel (0, 0) has its centre at (0.0, 0.0).
-        height: Pixels.
-        principal_point: (2,) pixels; the middle of the image by default.
-        distortion: k1, k2, p1, p2 and, if wanted, k3, as in OpenCV; none by default.
+        pixel_size: m, side of a square pixel.
+        width: Of the image, pixels. The centre of the first pixel has the coordinates (0.0, 0.0).
+        height: Of the image, pixels.
+        principal_point: (2,) pixels, column and row; the middle of the image by default.
+        distortion: (5,) or (4,) coefficients k1, k2, p1, p2 and optionally k3, as in OpenCV; no distortion by default.
 
     Raises:
         NotFinite: A number is NaN or infinite.
@@ -64,7 +69,7 @@ class Camera:
     distortion: Array | None = None
 
     def __post_init__(self) -> None:
-        """Copy, check and complete the fields."""
+        """Copy and check the fields, and replace those that are None by their defaults."""
         middle = ((self.width - 1) / 2, (self.height - 1) / 2)
         distortion = np.zeros(5) if self.distortion is None else np.ravel(np.array(self.distortion, dtype=np.float64))
         if len(distortion) not in (4, 5):
@@ -99,13 +104,13 @@ class Camera:
         """Return a camera that sees a target in the middle of its image.
 
         Args:
-            position: (3,) m, the pinhole in `table`.
-            target: (3,) m in `table`.
-            up: (3,) in `table`, the direction that is upwards in the image.
+            position: (3,) m in `table`, where the pinhole is.
+            target: (3,) m in `table`, the point in the middle of the image.
+            up: (3,) direction in `table` that points upwards in the image; its length does not matter.
             focal_length: m.
-            pixel_size: m.
-            width: Pixels.
-            height: Pixels.
+            pixel_size: m, side of a square pixel.
+            width: Of the image, pixels.
+            height: Of the image, pixels.
 
         Raises:
             OutOfRange: The target is at the position, or `up` is along the line of sight.
@@ -122,16 +127,16 @@ class Camera:
     def from_matrix(
         cls, rotation: Array, translation: Array, matrix: Array, width: int, height: int, distortion: Array | None, pixel_size: float
     ) -> Camera:
-        """Return the camera with the intrinsic matrix K.
+        """Return the camera that has a given intrinsic matrix K.
 
         Args:
-            rotation: (3, 3), from `table` to the camera's frame.
-            translation: (3,) m.
-            matrix: (3, 3) K in pixels. Its two focal lengths agree within 1 %: pixels are square.
-            width: Pixels.
-            height: Pixels.
-            distortion: k1, k2, p1, p2 and, if wanted, k3; None without.
-            pixel_size: m; only scales `focal_length`.
+            rotation: (3, 3) rotation matrix from `table` to the camera's frame.
+            translation: (3,) m, the origin of `table` in the camera's frame.
+            matrix: (3, 3) intrinsic matrix K, pixels. Its two focal lengths must agree within 1 %, because the pixels are taken as square.
+            width: Of the image, pixels.
+            height: Of the image, pixels.
+            distortion: (5,) or (4,) coefficients k1, k2, p1, p2 and optionally k3, as in OpenCV; None if there is no distortion.
+            pixel_size: m, side of a pixel. It only determines which `focal_length` in m corresponds to that of K in pixels.
 
         Raises:
             OutOfRange: The two focal lengths differ by more than 1 %.
@@ -142,7 +147,7 @@ class Camera:
 
     @property
     def position(self) -> Array:
-        """The pinhole in `table`, (3,) m."""
+        """Position of the pinhole in `table`, (3,) m."""
         return -self.rotation.T @ self.translation
 
     @property
@@ -152,43 +157,43 @@ class Camera:
 
     @property
     def matrix(self) -> Array:
-        """The intrinsic matrix K, (3, 3) in pixels."""
+        """The intrinsic matrix K, (3, 3), pixels."""
         u, v = self.principal_point  # type: ignore[misc]
         return np.array([[self.focal_pixels, 0.0, u], [0.0, self.focal_pixels, v], [0.0, 0.0, 1.0]])
 
     @cached_property
     def vector(self) -> Array:
-        """The camera as an array (20,) for the kernels, which `projection.unpack_camera` reads.
+        """The camera as an array (20,) for the compiled functions; `projection.unpack_camera` gives the numbers their names.
 
-        Rotation by rows, translation (m), focal length and principal point (pixels), distortion.
+        The order is: rotation row by row (9), translation in m (3), focal length (1) and principal point (2) in pixels, distortion (5).
         """
         head = [self.rotation.ravel(), self.translation, [self.focal_pixels]]
         return np.concatenate([*head, self.principal_point, self.distortion])
 
     def project(self, points: Array) -> Array:
-        """Return the pixels (n, 2) of points (n, 3) m in `table`; NaN for a point that is not in front of the camera."""
+        """Return the pixels (n, 2) at which the camera sees points (n, 3) m in `table`; NaN for a point that is not in front of it."""
         return project_points(self.vector, check_array("points", points, (-1, 3)))
 
     def rays(self, pixels: Array) -> Array:
-        """Return the unit directions (n, 3) of pixels (n, 2) in the camera's frame, the distortion undone."""
+        """Return the unit directions (n, 3), in the camera's frame, of the rays through pixels (n, 2), with the distortion undone."""
         return pixel_rays(self.vector, check_array("pixels", pixels, (-1, 2)))
 
 
 def triangulate(cameras: Sequence[Camera], pixels: Array) -> Array:
-    """Return the points that cameras see at pixels.
+    """Compute the positions of points from the pixels at which two or more cameras see them.
 
-    The linear solution (B.74). Each row is scaled by the depth that it implies, so that the residuals are those of the image; the depths
-    are updated twice.
+    This is the linear solution (B.74) of the dissertation. Each equation is divided by the depth of the point in that camera, so that the
+    residuals are in proportion to those in the image. The depths are updated twice.
 
     Args:
-        cameras: Two or more.
-        pixels: (cameras, n, 2), or (cameras, 2) of one point.
+        cameras: Two or more cameras.
+        pixels: (cameras, n, 2) pixels of n points, or (cameras, 2) pixels of one point.
 
     Returns:
-        (n, 3), or (3,), m in `table`.
+        Positions in m in `table`: (n, 3), or (3,) for one point.
 
     Raises:
-        CannotTriangulate: Fewer than two cameras, or parallel rays.
+        CannotTriangulate: There are fewer than two cameras, or the rays of a point are parallel.
         BadShape: `pixels` does not fit the number of cameras.
     """
     if len(cameras) < 2:
@@ -213,24 +218,24 @@ def calibrate(
     distortion: bool = False,
     method: str = "nonlinear",
 ) -> Camera:
-    """Return the camera that sees known points where they were seen.
+    """Calibrate a camera from points with known positions and the pixels at which the camera saw them.
 
-    The principal point is taken to be in the middle of the image.
+    The principal point is taken to be in the middle of the image. The equations are those of the dissertation.
 
     Args:
-        points: (n, 3) m in `table`, n >= 6, not in one plane.
-        pixels: (n, 2), where the points were seen.
-        width: Pixels.
-        height: Pixels.
-        pixel_size: m.
-        focal_length: m; estimated if None.
-        distortion: Whether k1 and k2 are estimated.
-        method: "nonlinear": pose, and what else is asked for, by least squares in the image (B.71), starting from the linear solution.
-            "linear": that solution alone (Appendix B.2.4).
+        points: (n, 3) m in `table`, the known points, n >= 6, not all in one plane.
+        pixels: (n, 2) pixels, where the points were seen.
+        width: Of the image, pixels.
+        height: Of the image, pixels.
+        pixel_size: m, side of a square pixel.
+        focal_length: m; None if it is to be estimated.
+        distortion: Whether the distortion coefficients k1 and k2 are estimated, too; only by the method "nonlinear".
+        method: "linear" solves linear equations for the pose and the focal length (Appendix B.2.4). "nonlinear" starts from that solution
+            and minimises the squared distances in the image (B.71) over the pose and what else is to be estimated.
 
     Raises:
-        CannotCalibrate: The points are too few, or lie in one plane.
-        BadChoice: `method` is none of the two.
+        CannotCalibrate: There are fewer than six points, or they lie in one plane.
+        BadChoice: `method` is neither of the two.
         BadShape: `points` and `pixels` differ in length.
     """
     if method not in ("nonlinear", "linear"):

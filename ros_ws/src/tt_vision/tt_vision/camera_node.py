@@ -1,4 +1,4 @@
-"""Publish the images of both high speed cameras, from devices, videos, a folder or a bag."""
+"""ROS node that publishes the images of both high speed cameras, from devices, videos, a folder or a bag (a ROS recording)."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from .capture.devices import DeviceCounts, DeviceParams
 from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
 from .rig import SIDES, high_speed_pair
 
-UPGRADE = 3.0  # s to wait until all subscriptions are reliable: estimate_node makes them so once it has discovered this publisher
-ACKNOWLEDGED = 200  # images between two waits for their arrival
-SETTLED = 1.0  # s without a change of the subscriptions: on a busy machine some are discovered so much later than others
+UPGRADE = 3.0  # s, longest time to wait for reliable subscriptions; estimate_node makes them so once it has discovered this publisher
+ACKNOWLEDGED = 200  # number of images between two waits for acknowledgement by all subscribers
+SETTLED = 1.0  # s for which the subscriptions must not change; on a busy machine some are discovered so much later than others
 
 
 class CameraLine(Enum):
-    """What the terminal tells."""
+    """Messages that this node writes to the terminal, as format strings."""
 
     PLAYING = "publishing {kind} {path}"
     NOBODY = "nobody subscribes to the images of both cameras after {wait:g} s; publishing {kind} {path} all the same"
@@ -50,7 +50,7 @@ class CameraLine(Enum):
 
 @dataclass(frozen=True)
 class PlayParams:
-    """How the images are published."""
+    """Parameters of the node that determine how the images of a recording are published: speed, stamps, repetition and waiting."""
 
     speed: float = param(1.0, "", "speed of a recording, recorded seconds per second; 0: as fast as it is read", low=0.0, high=100.0)
     restamp: bool = param(False, "", "whether the stamps of a recording are shifted so that its first image is taken now")
@@ -66,26 +66,26 @@ class PlayParams:
     linger: float = param(3.0, "s", "time for subscribers to finish before the node ends", low=0.0, high=3600.0)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """Intrinsics of a camera."""
+    """Parameters of the node: intrinsics of one camera."""
 
     matrix: tuple[float, ...] = param((0.0,) * 9, "pixels", "camera matrix K, by rows", low=-1e6, high=1e6)
     distortion: tuple[float, ...] = param((0.0,) * 5, "", "distortion coefficients k1, k2, p1, p2, k3", low=-1e6, high=1e6)
 
 
 class CameraNode(Node):
-    """Publish camera/{left,right}/image_raw and camera_info.
+    """Node that publishes images on camera/{left,right}/image_raw, and the intrinsics of the cameras on camera/{left,right}/camera_info.
 
-    The intrinsics are the parameters {left,right}.matrix and {left,right}.distortion, or those of the bag.
+    The intrinsics are the parameters {left,right}.matrix and {left,right}.distortion; those in a bag replace them.
     """
 
     def __init__(self) -> None:
-        """Declare parameters, read the first image, then publish in a thread of its own."""
+        """Declare the parameters, read the first image, then start a thread that publishes the images."""
         super().__init__("camera")
         self.source, self.play, self.device = declare(self, SourceParams), declare(self, PlayParams), declare(self, DeviceParams, "device.")
         self.counts = DeviceCounts()
@@ -119,22 +119,30 @@ class CameraNode(Node):
         threading.Thread(target=self.publish_all, daemon=True).start()
 
     def read_images(self) -> Generator[StampedImage, None, None]:
-        """Read the source from its beginning."""
+        """Return a generator of the images of the source, from its beginning."""
         return read_images(self.source, self.now, self.device, self.counts)
 
     def now(self) -> float:
-        """Return the time of the node, s."""
+        """Return the present time by the clock of the node, s."""
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
     def publish_info(self, width: int, height: int) -> None:
-        """Publish the calibration of both cameras. width, height: of their images, pixels."""
+        """Publish the intrinsics of both cameras, with the principal point relative to the part of the image that is published.
+
+        Args:
+            width: Of the images, pixels.
+            height: Of the images, pixels.
+        """
         for publisher, calibration, name in zip(self.infos, self.calibrations, SIDES, strict=True):
             matrix = calibration.matrix.copy()
             matrix[:2, 2] -= self.device.region[:2]
             publisher.publish(camera_to_message(width, height, matrix, calibration.distortion, f"{name}_optical"))
 
     def publish_all(self) -> None:
-        """Publish the source until its end, or until the end of the node."""
+        """Publish the images of the source until its end, again and again with the parameter `loop`, or until the node ends.
+
+        For a recording, wait for subscribers before, and end the process afterwards if the parameter `end` is set.
+        """
         source = {"kind": self.source.kind, "path": self.source.path}
         try:
             heard = not self.recorded or self.wait()
@@ -155,10 +163,12 @@ class CameraNode(Node):
             signal.raise_signal(signal.SIGTERM)
 
     def wait(self) -> bool:
-        """Wait until other nodes subscribe to the images and the calibrations of both cameras, with reliable subscriptions to the images.
+        """Wait until other nodes subscribe to the images and to the intrinsics of both cameras.
+
+        Wait also, but for at most UPGRADE, until the subscriptions to the images are reliable.
 
         Returns:
-            False if they have not come within the parameter `wait`.
+            Whether there were subscribers to all topics within the time of the parameter `wait`.
         """
         end, patience = time.monotonic() + self.play.wait, math.inf
         known, changed = set[bytes](), math.inf
@@ -171,22 +181,37 @@ class CameraNode(Node):
                 if now > changed + SETTLED and (now > patience or all(map(self.is_discovered, self.images, self.infos))):
                     break
             time.sleep(0.05)
-        for publisher in self.infos:  # nodes learn of publishers in the order of their creation: who has the calibration knows the images
+        for publisher in self.infos:  # nodes discover publishers in the order of their creation: one that has this message knows the others
             publisher.wait_for_all_acked(Duration(seconds=1.0))
         return now < end
 
     def subscriptions_of(self, publisher: Publisher) -> list[TopicEndpointInfo]:
-        """Return what is known of the subscriptions of a publisher's topic."""
+        """Return the subscriptions to the topic of a publisher that have been discovered."""
         return list(self.get_subscriptions_info_by_topic(publisher.topic_name))
 
     def is_discovered(self, images: Publisher, infos: Publisher) -> bool:
-        """Tell whether each node that subscribes to the calibration subscribes to the images, too, and all that do so reliably."""
+        """Return whether the discovery of the subscribers of one camera is complete.
+
+        It is complete if each node that subscribes to the intrinsics also subscribes to the images (recorders excepted), and if all
+        subscriptions to the images are reliable.
+
+        Args:
+            images: Publisher of the images of the camera.
+            infos: Publisher of its intrinsics.
+        """
         asked = self.subscriptions_of(images)
         is_reliable = all(info.qos_profile.reliability is ReliabilityPolicy.RELIABLE for info in asked)
         return is_reliable and listeners(self, infos.topic_name) - RECORDERS <= {info.node_name for info in asked}
 
     def publish_once(self) -> int:
-        """Publish the source from its beginning to its end; return the number of images."""
+        """Publish the images of the source once, from beginning to end.
+
+        Returns:
+            The number of images that were published.
+
+        Raises:
+            SourceError: An image differs in size from the first one.
+        """
         count, start, shift = 0, time.monotonic(), 0.0
         first: StampedImage | None = None
         for image in self.read_images():

@@ -1,4 +1,4 @@
-"""Where a camera stands, as parameters of a node."""
+"""The pose of a camera, as parameters of a node."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ from .camera import Camera
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Pose of a camera: p_camera = rotation p_table + translation (2.3)."""
+    """Pose of a camera, as parameters of a node.
+
+    A point p_table in the frame `table` is p_camera = rotation p_table + translation in the camera's frame (equation (2.3) of the
+    dissertation).
+
+    Attributes:
+        rotation: (9,), the rotation matrix from `table` to the camera's frame, row by row.
+        translation: (3,) m, the origin of `table` in the camera's frame.
+    """
 
     rotation: tuple[float, ...] = param(
         (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "", "rotation matrix from `table` to the camera, by rows", low=-1.001, high=1.001
@@ -22,9 +30,16 @@ class CameraPose:
 
     @classmethod
     def of(cls, camera: Camera) -> CameraPose:
-        """Return the pose of a camera."""
+        """Return the pose of the given camera."""
         return cls(tuple(camera.rotation.ravel().tolist()), tuple(camera.translation.tolist()))
 
     def placed(self, camera: Camera) -> Camera:
-        """Return the camera at this pose; raises NotARotation."""
+        """Return a copy of the camera that stands at this pose.
+
+        Args:
+            camera: Gives all intrinsics; its own pose is not used.
+
+        Raises:
+            NotARotation: `rotation` is not a rotation matrix.
+        """
         return dataclasses.replace(camera, rotation=np.reshape(self.rotation, (3, 3)), translation=np.array(self.translation))

@@ -1,4 +1,7 @@
-"""Publish position, velocity and spin of each ball, measured from the images of the two high speed cameras, or of one."""
+"""ROS node that publishes position, velocity and spin of each ball, measured from the images of the two high speed cameras, or of one.
+
+A burst holds the images of one ball's passage through these cameras (about six pairs).
+"""
 
 from __future__ import annotations
 
@@ -41,20 +44,20 @@ from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
 from .warm import warm
 
-LARGEST_IMAGE = 2**24 + 4096  # bytes: 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
-MOST_HELD = 8  # bursts: twelve images of 54 kB each
-LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
+LARGEST_IMAGE = 2**24 + 4096  # bytes of a message, for 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
+MOST_HELD = 8  # number of bursts, of twelve images of 54 kB each
+LARGEST_INFO = 4096  # bytes of a message; one with 14 coefficients has 500
 
 
 class BurstReason(Enum):
-    """Why a burst is not measured at all: codes of `tt_core.failures.Failure`."""
+    """Reasons why the node does not measure a burst (the images of one ball's passage); codes of `tt_core.failures.Failure`."""
 
     NO_CAMERA_INFO = "no camera_info yet"
     UNUSABLE = "{error}"
 
 
 class EstimateLine(Enum):
-    """What the terminal tells."""
+    """Messages that this node writes to the terminal, as format strings: one for each ball that is estimated, measured or refused."""
 
     FIRST = "first estimate: {speed:.2f} m/s, spin {rpm:.0f} rpm"
     MEASURED = "ball measured from {frames} frames: {speed:.2f} m/s, spin {rpm:.0f} rpm (x {x:.0f}, y {y:.0f}, z {z:.0f})"
@@ -63,7 +66,7 @@ class EstimateLine(Enum):
 
 @dataclass(frozen=True)
 class EstimateParams:
-    """How the ball is measured."""
+    """Parameters of the node that determine how the spin of the ball is measured."""
 
     fast: bool = param(False, "", "whether a ball is measured in less time, with larger errors of the spin")
     max_spin: float = param(
@@ -75,18 +78,18 @@ class EstimateParams:
     )
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
 
     @property
     def search(self) -> SearchParams:
-        """How much is spent on the spin."""
+        """The parameters of the search for the spin that these parameters select."""
         return dataclasses.replace(SearchParams.fast() if self.fast else SearchParams(), max_spin=self.max_spin)
 
 
 @dataclass(frozen=True)
 class LampParams:
-    """Calibrated lamps."""
+    """Parameters of the node: positions and strengths of calibrated lamps; none by default, then the light is fitted to each burst."""
 
     positions: tuple[float, ...] = param((), "m", "x, y, z of each lamp in `table`, one lamp after the other", low=-100.0, high=100.0)
     strengths: tuple[float, ...] = param(
@@ -95,23 +98,30 @@ class LampParams:
     ambient: float = param(0.0, "", "brightness of a white surface in the light of the room", low=0.0, high=1e6)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range, and lamps without three coordinates each."""
+        """Raise an error for a value outside its range, and unless there are three coordinates for each strength."""
         check(self)
         if len(self.positions) != 3 * len(self.strengths):
             raise BadShape("lamps.positions", (len(self.positions),), (3 * len(self.strengths),))
 
 
 def read_poses(read: Callable[..., Any]) -> list[Camera]:
-    """Return both cameras at the poses that {left,right}.rotation and {left,right}.translation give.
+    """Return the left and the right camera at the poses that the parameters {left,right}.rotation and {left,right}.translation give.
+
+    Only their poses are meant to be used; the intrinsics are the defaults.
 
     Args:
-        read: Takes an instance that has the defaults, and a prefix; returns an instance with the values of the parameters.
+        read: Function that reads parameters. It takes an instance of a parameter class with the defaults (or the class itself) and the
+            prefix of the parameters' names, and returns an instance with the values of the parameters.
     """
     return [read(CameraPose.of(camera), f"{name}.").placed(camera) for name, camera in zip(SIDES, high_speed_pair(), strict=True)]
 
 
 def read_lamps(read: Callable[..., Any]) -> CalibratedLamps | None:
-    """Return the calibrated lamps, or None without any. read: As in `read_poses`."""
+    """Return the calibrated lamps that the parameters lamps.* give; None if all strengths are 0 or there are none.
+
+    Args:
+        read: Function that reads parameters, see `read_poses`.
+    """
     lamps = read(LampParams, "lamps.")
     if not any(lamps.strengths):
         return None
@@ -119,16 +129,17 @@ def read_lamps(read: Callable[..., Any]) -> CalibratedLamps | None:
 
 
 class EstimateNode(Node):
-    """Subscribe to camera/{left,right}/image_raw and camera_info, publish ball/first and ball/measured.
+    """Node that subscribes to camera/{left,right}/image_raw and camera_info, and publishes the ball on ball/first and ball/measured.
 
-    Each frame is looked at while the next one comes. After the last one of a burst ball/first follows at once, an estimate at half the
-    resolution, good enough to start a swing, and then ball/measured, which replaces it. There is one of each for each flight, and with the
-    parameter `refined` a second ball/measured from more frames. The air of `physics` bends the flight
+    The images are put together to bursts: those of one ball's passage through the cameras. Each frame is processed while the next one
+    arrives. After the last frame of a burst, ball/first is published at once: an estimate at half the resolution that is accurate enough to
+    start a swing. Then ball/measured follows, which replaces it. Each passage gives one message on each topic; with the parameter `refined`
+    a second ball/measured follows from more frames. The model of the air in the parameters `physics` determines how the flight is curved
     between the frames. The poses of the cameras are the parameters {left,right}.rotation and {left,right}.translation.
     """
 
     def __init__(self) -> None:
-        """Declare parameters, compile the kernels, then subscribe."""
+        """Declare the parameters, compile the functions of the measurement, then subscribe to the topics."""
         super().__init__("estimate")
         self.assembler = Assembler(declare(self, BurstParams))
         self.search = declare(self, EstimateParams).search
@@ -138,7 +149,7 @@ class EstimateNode(Node):
         self.lenses: list[Lens | None] = [None, None]
         alone = self.assembler.params.alone
         self.sides = [SIDES.index(alone)] if alone else [0, 1]
-        self.look: FirstLook | None = None  # at the present ball
+        self.look: FirstLook | None = None  # first estimate of the present ball, in progress
         self.searching = ThreadPoolExecutor(1, "spin search")
         self.held: deque[Burst] = deque(maxlen=MOST_HELD)  # bursts that came before the calibration of their cameras
         self.measured, self.refused = 0, 0
@@ -158,7 +169,12 @@ class EstimateNode(Node):
         self.status.wait_for([one for side in self.sides for one in inputs[2 * side : 2 * side + 2]])
 
     def on_info(self, side: int, message: CameraInfo) -> None:
-        """Take the calibration of a camera, unless it is the same as before."""
+        """Store the intrinsics of a camera, unless they are the same as before; then measure the bursts that have waited for them.
+
+        Args:
+            side: Which camera, 0 left, 1 right.
+            message: The intrinsics.
+        """
         message.header = CameraInfo().header  # drivers repeat a calibration with other stamps
         if message == self.infos[side]:
             return
@@ -172,11 +188,16 @@ class EstimateNode(Node):
             self.on_burst(self.held.popleft())
 
     def known_lenses(self) -> list[Lens]:
-        """Return the lenses of the cameras that are used, as far as their calibrations have arrived."""
+        """Return the lenses (intrinsics) of the cameras that are used, without those whose camera_info has not arrived yet."""
         return [lens for lens in (self.lenses[side] for side in self.sides) if lens is not None]
 
     def on_image(self, side: int, message: Image) -> None:
-        """Take an image, and measure the burst that is complete with it."""
+        """Add an image; measure the burst that is complete with it, or else process the newest frame for the first estimate.
+
+        Args:
+            side: Which camera, 0 left, 1 right.
+            message: The image. It is refused if its size is not that of the camera's calibration.
+        """
         try:
             image, lens = image_from_message(message), self.lenses[side]
             if lens is not None and image.shape != (lens.height, lens.width):
@@ -191,7 +212,10 @@ class EstimateNode(Node):
             self.look_at_newest()
 
     def look_at_newest(self) -> None:
-        """Look at the newest pair of images while the next one comes, if all lenses are known and nearly straight."""
+        """Process the newest frame (pair of images) of the present ball for its first estimate, while the next frame arrives.
+
+        Nothing is done while the intrinsics of a camera are unknown, or if images have to be resampled because of lens distortion.
+        """
         pairs = self.assembler.present
         if not pairs:
             self.look = None
@@ -207,7 +231,11 @@ class EstimateNode(Node):
         self.look.add(newest.time, [one.image for one in newest.seen], [one.detection for one in newest.seen])
 
     def new_look(self) -> FirstLook | None:
-        """Return a look at a new ball; None while a lens is not known, or if one is so curved that images have to be straightened."""
+        """Create the `FirstLook` for a new ball.
+
+        Returns:
+            None while the intrinsics of a camera are unknown, or if a lens has so much distortion that images have to be resampled.
+        """
         lenses = self.known_lenses()
         if len(lenses) < len(self.sides) or not all(lens.is_nearly_straight for lens in lenses):
             return None
@@ -215,7 +243,11 @@ class EstimateNode(Node):
         return FirstLook(cameras, self.search, self.lamps, self.searching)
 
     def look_at_rest(self, burst: Burst) -> FirstLook | None:
-        """Return the look with what is left of a burst; None if the burst was not looked at while it came."""
+        """Add those frames of a complete burst to the present `FirstLook` that have not been processed yet, and return it.
+
+        Returns:
+            None if the frames of this burst were not processed while they arrived.
+        """
         look, self.look = self.look, None
         if look is None or look.times != burst.times[: len(look.times)].tolist():
             return None
@@ -226,10 +258,16 @@ class EstimateNode(Node):
         return look
 
     def on_burst(self, burst: Burst) -> None:
-        """Measure a burst and publish the ball, or why there is none."""
+        """Measure position, velocity and spin of the ball from a burst, and publish the ball or the reason why there is no result.
+
+        While the intrinsics of a camera are unknown, the burst is kept and measured later.
+
+        Args:
+            burst: The images of one ball's passage, without cameras.
+        """
         last, lenses = float(burst.times[-1]), self.known_lenses()
         if len(lenses) < len(self.sides):
-            self.held.append(burst)  # whoever started first, the ball is measured when the calibration is there
+            self.held.append(burst)  # it is measured when the calibration arrives, whichever node was started first
             self._refuse(Failure(BurstReason.NO_CAMERA_INFO), last)
             return
         try:
@@ -265,7 +303,12 @@ class EstimateNode(Node):
         )
 
     def publish_first(self, result: Measurement, last: float) -> None:
-        """Publish a first estimate that is believed. last: time of the last frame, s."""
+        """Publish a first estimate on ball/first, if it contains a ball.
+
+        Args:
+            result: The first estimate as a measurement.
+            last: s, time of the last frame.
+        """
         if result.ball is None:
             return
         self.firsts.publish(ball_to_message(result.ball))
@@ -274,17 +317,23 @@ class EstimateNode(Node):
         self.status.terminal.info(EstimateLine.FIRST, speed=np.linalg.norm(result.ball.velocity), rpm=rpm)
 
     def close(self) -> None:
-        """End the thread that searches."""
+        """End the thread that searches the spin."""
         self.searching.shutdown()
 
     def _refuse(self, reason: Failure | None, stamp: float, **values: Any) -> None:
-        """Tell why a burst is not measured. stamp: of its last frame, s."""
+        """Report in diagnostics and terminal why a burst gives no measurement.
+
+        Args:
+            reason: Why.
+            stamp: s, time of the last frame of the burst.
+            **values: Further values for the diagnostics.
+        """
         self.refused += 1
         self.status.publish(f"refused: {reason}", stamp=stamp, warn=True, reason=reason, **self._counts(), **values)
         self.status.terminal.warn(EstimateLine.REFUSED, reason=reason)
 
     def _counts(self) -> dict[str, Any]:
-        """Return how many balls were measured and refused, and which images were not used."""
+        """Return how many balls were measured and refused, and how many images were not used, by the reason."""
         return {"measured": self.measured, "refused": self.refused, **dataclasses.asdict(self.assembler.counts)}
 
 

@@ -1,4 +1,4 @@
-"""Exports of a package that are imported when they are first used, so that a program loads no more than it needs."""
+"""Lazy imports: a name that a package exports is imported when it is first used, so that a program loads no more than it needs."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import Any
 
 
 def lazy_exports(package: str, home: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the `__getattr__` (PEP 562) of a package that exports names of its modules.
+    """Return a module-level `__getattr__` (PEP 562) for a package, which imports an exported name when it is first used.
+
+    The returned function raises AttributeError for a name that the package does not export.
 
     Args:
         package: Name of the package.
-        home: The module of each name, in full.
+        home: For each exported name, the full name of the module that defines it.
     """
 
     def get(name: str) -> Any:

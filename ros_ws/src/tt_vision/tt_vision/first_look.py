@@ -1,9 +1,11 @@
-"""The first estimate of a ball, made at half the resolution while the frames of its burst arrive.
+"""The first estimate of a ball's motion and spin, made at half the resolution while the frames of its burst arrive.
 
-Of each frame the outline is found, and the surface is cut out and freed of the light, as soon as the frame is there. After SEARCHED frames
-the spin is searched on these. When the last frame is there little is left: the motion by all outlines, and the spin by all frames.
+A burst holds the images of one ball's passage through the high speed cameras (about six pairs); a frame is the images of all cameras at one
+instant. As soon as a frame arrives, the outline of the ball is found in it and the ball is cut out. The effect of the light is divided out,
+which leaves the marks, the printed or drawn dots on the ball. After SEARCHED frames the spin is searched with these. When the last frame
+has arrived, only the motion is left to be fitted to all outlines, and the spin to be confirmed with all frames.
 
-The first estimate is good enough to start a swing. `measure` goes on from it at the full resolution.
+The first estimate is accurate enough to start a swing of the robot. `measure` refines it at the full resolution.
 """
 
 from __future__ import annotations
@@ -31,25 +33,25 @@ from .spin.registration import DEFAULT, Proposal, Registration, SearchParams, pr
 from .spin.soft_surface import SoftSurface, cut_out_halved, halved_views, soft_surface
 from .spin.surface_map import VIEW, divide_light, motion_views, pixel_normals, view_middles
 
-SEARCHED = 3  # frames on which the spin is searched before the burst is complete; what is found on them is confirmed on all
-BORDER = 4  # pixels around the ball that are cut out with it
-GROWTH = 1.1  # by which the ball may grow from the first frame to the last one before all frames are cut out anew
-MOST_SHIFT = 1.0  # pixels between the circle in one image and the motion of all, from which on the ball is cut out anew
+SEARCHED = 3  # number of frames with which the spin is searched before the burst is complete; the result is confirmed with all frames
+BORDER = 4  # pixels, width of the border around the ball that is cut out with it
+GROWTH = 1.1  # factor by which the ball may grow in the image from the first frame on before all frames are cut out again
+MOST_SHIFT = 1.0  # pixels between the circle in one image and the fitted motion above which the ball is cut out again
 LEAST_CONTRAST = (
-    0.004  # variance of the marks, of white squared, below which the ball is taken as bare: bare balls reach 0.0005, 2 % of marks 0.006
+    0.004  # variance of the brightness (white is 1) below which the ball has no marks: without marks it reaches 0.0005, with 2 % 0.006
 )
 
 
 @dataclass(frozen=True, eq=False)
 class FirstEstimate:
-    """What a first look at a burst tells.
+    """The first estimate of a ball's motion and spin from a burst (the images of its passage), made at half the resolution.
 
     Attributes:
-        motion: Position and velocity, if it came so far.
-        found: The spin, if it came so far; it need not be believed.
-        light: What lights the ball, if it came so far.
-        surface: The marks of all frames at half the resolution, if it came so far.
-        reason: Why there is no spin, or None.
+        motion: Position and velocity; None if no motion was found.
+        found: The spin and how well the marks (dots on the ball) agree with it; None if it was not searched. Check its `is_believed`.
+        light: The light on the ball; None if no motion was found.
+        surface: The surface of the ball in all frames at half the resolution; None if no motion was found.
+        reason: Why the spin was not searched; None if it was.
     """
 
     motion: BallMotion | None
@@ -61,20 +63,20 @@ class FirstEstimate:
 
 @dataclass(eq=False)
 class _Frame:
-    """One frame of all cameras, at half the resolution where nothing else is said.
+    """One frame: the images of all cameras at one instant, and what is computed from them; (n, n) is the ball at half the resolution.
 
     Attributes:
         time: s.
-        images: One (h, w) of each camera.
-        detections: Where the ball is in each.
-        points: Outline points of each image, (n,) OUTLINE_POINT.
-        circles: (cameras, 3) u, v and radius, pixels of the full resolution.
-        views: (cameras,) VIEW of what is cut out.
-        stack: (cameras, n, n) float32 grey levels over the background.
-        normals: (cameras, n, n) NORMAL.
-        gains: (cameras,), factor of the light in each image.
-        brightness: (cameras, n, n) float32, white is 1; empty before the light is known, and so is `weights`.
-        weights: (cameras, n, n) float32.
+        images: For each camera the whole image (h, w).
+        detections: Where the ball is in each image.
+        points: For each camera the outline points (n,) OUTLINE_POINT, at the full resolution.
+        circles: (cameras, 3) column u, row v and radius of the ball, pixels of the full resolution.
+        views: (cameras,) VIEW of the cut-out images, except while they have not been cut out.
+        stack: (cameras, n, n) float32, cut-out images, grey levels over the background.
+        normals: (cameras, n, n) NORMAL, the ball's normal in each pixel.
+        gains: (cameras,) factor on the light in each image.
+        brightness: (cameras, n, n) float32, surface of the ball without the effect of light, white is 1; empty before the light is known.
+        weights: (cameras, n, n) float32, weight of each pixel; empty before the light is known.
     """
 
     time: float
@@ -91,7 +93,7 @@ class _Frame:
 
 
 class FirstLook:
-    """Takes the frames of one burst as they come, and makes its first estimate."""
+    """Takes the frames of one burst (the images of one ball's passage) as they arrive, and makes the first estimate of motion and spin."""
 
     def __init__(
         self,
@@ -100,36 +102,36 @@ class FirstLook:
         lamps: CalibratedLamps | None = None,
         executor: Executor | None = None,
     ) -> None:
-        """Begin without a frame.
+        """Create it without any frame.
 
         Args:
-            cameras: Who takes the images.
-            search: How much is spent on the spin.
-            lamps: Calibrated lamps; None: the light is fitted to the burst.
-            executor: Runs the search of the spin while further frames are added; None: the search runs within `add`.
+            cameras: The cameras that take the images.
+            search: Parameters of the search for the spin.
+            lamps: Calibrated lamps; None if the light is to be fitted to the images.
+            executor: Runs the search for the spin while further frames are added; None if it is to run within `add`.
         """
         self._cameras, self._search, self._lamps = tuple(cameras), search, lamps
         self._vectors = np.array([camera.vector for camera in cameras])
         self._views = _still_views(self._cameras)
         self._frames: list[_Frame] = []
-        self._size = 0  # pixels of the full resolution, side of what is cut out
-        self._light: Illumination | None = None  # of the frames that were searched
-        self._top = 0.0  # grey level of the brightest pixel of these
+        self._size = 0  # pixels of the full resolution, side of the square that is cut out
+        self._light: Illumination | None = None  # fitted to the frames with which the spin is searched
+        self._top = 0.0  # grey level of the brightest pixel of these frames, over the background
         self._executor = executor
         self._proposal: Future[Proposal] | None = None
 
     @property
     def times(self) -> list[float]:
-        """The times of the frames so far, s."""
+        """The times of the frames that have been added, s."""
         return [frame.time for frame in self._frames]
 
     def add(self, time: float, images: Sequence[Image], detections: Sequence[BallDetection]) -> None:
-        """Take the images of one instant, which show the whole ball.
+        """Add one frame: the images of all cameras at one instant. All of them must show the whole ball.
 
         Args:
             time: s, later than that of the frame before.
-            images: One (h, w) of each camera.
-            detections: Where the ball is in each.
+            images: For each camera one image (h, w), uint8 or uint16.
+            detections: Where the ball is in each image.
         """
         circles, points = np.array([(ball.u, ball.v, ball.radius) for ball in detections]), list[np.ndarray]()
         for c, (image, ball) in enumerate(zip(images, detections, strict=True)):
@@ -152,10 +154,10 @@ class FirstLook:
                 self._proposal = self._propose(surface) if surface.contrast >= LEAST_CONTRAST else None
 
     def estimate(self, burst: Burst) -> FirstEstimate:
-        """Return the first estimate of the burst whose frames were taken.
+        """Compute the first estimate, once all frames of a burst have been added.
 
         Args:
-            burst: The same frames, with cameras and detections.
+            burst: The burst of exactly these frames, with cameras and detections.
         """
         points = np.concatenate([frame.points[c] for c in range(len(self._cameras)) for frame in self._frames])
         circles = np.array([frame.circles for frame in self._frames]).swapaxes(0, 1)
@@ -177,7 +179,7 @@ class FirstLook:
         return FirstEstimate(motion, register(surface, self._search, proposal), light, surface, None)
 
     def _propose(self, surface: SoftSurface) -> Future[Proposal]:
-        """Search the spin on the frames so far."""
+        """Search the spin with the frames so far, in the executor if there is one."""
         if self._executor is not None:
             return self._executor.submit(propose, surface, self._search)
         done = Future[Proposal]()
@@ -185,7 +187,10 @@ class FirstLook:
         return done
 
     def _fits(self, frame: _Frame) -> bool:
-        """Return whether the ball fits into what is cut out; if not, more is cut out from now on."""
+        """Return whether the ball of a frame fits into the square that is cut out; if not, enlarge the square.
+
+        For the first frame the square is only determined, and the result is True.
+        """
         reach = float(frame.circles[:, 2].max())
         if 2.0 * (reach + BORDER) <= self._size:
             return True
@@ -194,7 +199,7 @@ class FirstLook:
         return first
 
     def _circle_views(self, circles: Array) -> np.ndarray:
-        """Return how each camera sees a ball in a circle (cameras, 3), (cameras,) VIEW of the whole images."""
+        """Return (cameras,) VIEW of the whole images, for a ball that each camera sees as the circle in `circles` (cameras, 3)."""
         views, centres = self._views.copy(), _circle_centres(self._vectors, circles)
         views["centre"] = centres
         towards = np.einsum("cj,cjk->ck", centres, views["rotation"])
@@ -202,7 +207,7 @@ class FirstLook:
         return views
 
     def _cut_out(self, frame: _Frame, views: np.ndarray) -> None:
-        """Cut the ball out of the images of a frame. views: (cameras,) VIEW of the whole images."""
+        """Cut the ball out of the images of a frame, at half the resolution. views: (cameras,) VIEW of the whole images."""
         half = self._size // 2
         corners = np.rint(view_middles(views)).astype(np.int64) - half
         views = views.copy()
@@ -215,14 +220,18 @@ class FirstLook:
             self._divide(frame)
 
     def _cut_out_again(self, views: np.ndarray) -> None:
-        """Cut the ball out of all frames where the motion has it, and forget what was found on the circles. views: (images,) VIEW."""
+        """Cut the ball out of all frames again, where the fitted motion puts it, and discard the light and the search so far.
+
+        Args:
+            views: (images,) VIEW of the whole images.
+        """
         self._light = self._proposal = None
         for k, frame in enumerate(self._frames):
             self._cut_out(frame, np.ascontiguousarray(views[k :: len(self._frames)]))
         self._light_up()
 
     def _light_up(self) -> None:
-        """Fit the light to the frames so far, and divide it out of them."""
+        """Fit the light to the frames so far, and divide their images by it."""
         stack, normals = self._by_camera("stack"), self._by_camera("normals")
         if self._lamps is None:
             self._light = fit_illumination(stack, normals, len(self._cameras))
@@ -236,7 +245,7 @@ class FirstLook:
             )
 
     def _divide(self, frame: _Frame) -> None:
-        """Divide the light that is known out of one more frame."""
+        """Divide the images of one more frame by the light that is known, after estimating their gains."""
         light: Illumination = self._light  # type: ignore[assignment]
         if self._lamps is not None:
             frame.gains = lamp_illumination(frame.stack, frame.normals, frame.views["centre"], self._cameras, self._lamps).gains
@@ -248,18 +257,18 @@ class FirstLook:
         )
 
     def _surface(self) -> SoftSurface:
-        """Return the marks of all frames so far."""
+        """Return the surface of the ball in all frames so far."""
         times = np.array(self.times)
         brightness, weights, views = (self._by_camera(name) for name in ("brightness", "weights", "views"))
         return soft_surface(brightness, weights, views, times - times.mean())
 
     def _whole_light(self) -> Illumination:
-        """Return the light with the gain of every image."""
+        """Return the light with the gains of the images of all frames."""
         light: Illumination = self._light  # type: ignore[assignment]
         return light._replace(gains=self._by_camera("gains"), gloss=np.zeros((len(self._cameras), GLOSS)))
 
     def _by_camera(self, name: str) -> np.ndarray:
-        """Return one attribute of all frames, (images, ...), camera by camera."""
+        """Return the attribute `name` of all frames as one array (images, ...), with all images of the first camera first."""
         first = getattr(self._frames[0], name)
         out = np.empty((len(first), len(self._frames), *first.shape[1:]), dtype=first.dtype)
         for k, frame in enumerate(self._frames):
@@ -270,7 +279,14 @@ class FirstLook:
 def look_at(
     burst: Burst, search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None, executor: Executor | None = None
 ) -> FirstLook:
-    """Return a first look at all frames of a burst with cameras and detections, of which every image shows the whole ball."""
+    """Create a `FirstLook` and add all frames of a complete burst to it.
+
+    Args:
+        burst: A burst (the images of one ball's passage) with cameras and detections; every image shows the whole ball.
+        search: Parameters of the search for the spin.
+        lamps: Calibrated lamps; None if the light is to be fitted to the images.
+        executor: Runs the search for the spin while further frames are added; None if it is to run in between.
+    """
     look = FirstLook(burst.cameras, search, lamps, executor)
     for k, time in enumerate(burst.times.tolist()):
         look.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
@@ -278,7 +294,7 @@ def look_at(
 
 
 def _still_views(cameras: Sequence[Camera]) -> np.ndarray:
-    """Return what of the views is the same in all frames, (cameras,) VIEW."""
+    """Return (cameras,) VIEW with the fields that are the same in all frames: rotation and intrinsics of each camera."""
     views = np.zeros(len(cameras), dtype=VIEW)
     for c, camera in enumerate(cameras):
         views["rotation"][c], views["focal"][c] = camera.rotation, camera.focal_pixels
@@ -288,11 +304,11 @@ def _still_views(cameras: Sequence[Camera]) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _circle_centres(vectors: Array, circles: Array) -> Array:
-    """Return where balls that fill circles are, (cameras, 3) m in each camera's frame.
+    """Compute for each camera the centre of a ball that it sees as a given circle: (cameras, 3) m in the camera's own frame.
 
     Args:
-        vectors: (cameras, 20) `Camera.vector` of each.
-        circles: (cameras, 3) u, v and radius, pixels.
+        vectors: (cameras, 20) `Camera.vector` of each camera.
+        circles: (cameras, 3) column u and row v of the centre, and radius, pixels.
     """
     centres = np.empty((len(circles), 3))
     for c in range(len(circles)):

@@ -1,11 +1,12 @@
-"""From a burst of images to the ball's state: position, velocity and spin at the last frame, or the reason why not.
+"""Measurement of the ball: from a burst to position, velocity and spin at its last frame, or to the reason why there is no result.
 
-The stages are a line, each a function from one object to the next, and all are called here:
+A burst holds the images of one ball's passage through the high speed cameras (about six pairs). "Marks" are the printed or drawn dots on
+the ball. The measurement has these stages, each of them a function that takes the result of the one before; all are called in this module:
 
     Burst -> detect_balls, whole_balls -> FirstLook -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
     -> refine_distance (of a single camera) -> estimate_from
 
-`FirstLook` gives the first estimate, at half the resolution; the stages after it work at the full one.
+`FirstLook` makes the first estimate from images at half the resolution. The stages after it work at the full resolution.
 """
 
 from __future__ import annotations
@@ -45,13 +46,13 @@ from .spin.soft_surface import softened
 from .spin.surface_map import SurfaceMap, cut_surface
 
 AIR = Aerodynamics.measured()
-HOPELESS = 0.2  # residual beyond which refined outlines do not help; a ball half in the dark, 1.6 mm out of place, has 0.12
+HOPELESS = 0.2  # residual above which refined outlines do not help; a ball half in the dark whose position is 1.6 mm off has 0.12
 DISSERTATION = {"liu": method_2, "correlation": method_1}
 METHODS = ("registration", *DISSERTATION)
 
 
 class MeasurementReason(Enum):
-    """Why a burst is not measured, beside MotionReason and SpinReason: codes of `tt_core.failures.Failure`."""
+    """Reasons why a burst gives no measurement, besides those of `MotionReason` and `SpinReason`; codes of `tt_core.failures.Failure`."""
 
     BAD_CALIBRATION = "a camera's calibration is not finite"
     FEW_FRAMES = "{good} good frames of {frames}, {needed} needed; left out: {left_out}"
@@ -60,15 +61,15 @@ class MeasurementReason(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What a burst tells.
+    """Result of the measurement of a burst (the images of one ball's passage): the state of the ball, or why there is none.
 
     Attributes:
-        ball: The ball at the time of the last frame used, with covariance; None if there is a reason.
-        reason: Why there is no ball, or None: a code of MeasurementReason, MotionReason or SpinReason.
-        used: Number of frames (pairs of images) used.
-        left_out: How many frames do not show the whole ball, by reason.
-        motion: Position and velocity, if it came so far.
-        spin: The spin, if it came so far.
+        ball: State of the ball in `table` at the time of the last frame that was used, with covariance; None if `reason` is set.
+        reason: Why there is no result, with a code of `MeasurementReason`, `MotionReason` or `SpinReason`; None if there is one.
+        used: Number of frames (pairs of images) that were used.
+        left_out: Number of frames that do not show the whole ball, by reason.
+        motion: Position and velocity; None if the measurement failed before they were known.
+        spin: The spin, or why there is none; None if the measurement failed before the spin was estimated.
     """
 
     ball: BallState | None
@@ -80,13 +81,16 @@ class Measurement:
 
     @property
     def residual(self) -> float:
-        """Of the marks: 0 when they agree in all images, 1 when they are unrelated or not compared."""
+        """Disagreement of the ball's marks (dots) between the images: 0 if they agree everywhere, 1 if they are unrelated.
+
+        It is also 1 if the marks were not compared.
+        """
         return 1.0 if self.spin is None else self.spin.residual
 
 
 @dataclass(frozen=True, eq=False)
 class _Estimate:
-    """Motion and spin of a burst, as far as they came, and the reason why they are not to be believed."""
+    """Motion and spin of a burst, None if they were not reached, and the reason why the result is not believed, or None."""
 
     motion: BallMotion | None
     spin: SpinEstimate | None
@@ -103,18 +107,18 @@ def measure(
     lamps: CalibratedLamps | None = None,
     search: SearchParams = DEFAULT,
 ) -> Measurement:
-    """Measure the ball from the images of two cameras, or of one.
+    """Measure position, velocity and spin of the ball from the images of two cameras, or of one.
 
-    With one camera the distance rests on the ball's size, which the covariance tells.
+    With one camera the distance is estimated from the size of the ball, so it is less accurate, as the covariance shows.
 
     Args:
-        left: (k, h, w) uint8 or uint16.
-        right: The same of the right camera; None for one camera, which `left` is of.
-        times: (k,) s, rising, the middle of the exposures.
-        cameras: (left, right), or the only one.
-        air: See `measure_burst`.
-        lamps: See `measure_burst`.
-        search: See `measure_burst`.
+        left: (k, h, w) uint8 or uint16, images of the left or the only camera.
+        right: (k, h, w) uint8 or uint16, images of the right camera; None if there is only one camera.
+        times: (k,) s, rising, the middle of the exposure of each frame.
+        cameras: The left and the right camera, or the only one.
+        air: Model of the air, see `measure_burst`.
+        lamps: Calibrated lamps, see `measure_burst`.
+        search: Parameters of the search for the spin, see `measure_burst`.
 
     Raises:
         TtError: The arrays do not fit together.
@@ -126,12 +130,12 @@ def measure(
 
 
 def first_measurement(burst: Burst, first: FirstEstimate, air: Aerodynamics = AIR) -> Measurement:
-    """Return what the first estimate of a burst tells by itself.
+    """Convert the first estimate of a burst, which is made at half the resolution, to a measurement without refining it.
 
     Args:
-        burst: With cameras; every image shows the whole ball.
-        first: Its first estimate.
-        air: See `measure_burst`.
+        burst: The burst (the images of one ball's passage) with cameras; every image shows the whole ball.
+        first: The first estimate of this burst.
+        air: Model of the air, see `measure_burst`.
     """
     motion, found = first.motion, first.found
     reason = first.reason if motion is None else motion_doubt(motion) or first.reason
@@ -154,14 +158,17 @@ def measure_burst(
     search: SearchParams = DEFAULT,
     first: FirstEstimate | None = None,
 ) -> Measurement:
-    """Measure the ball from a burst. Frames that do not show the whole ball in all images are left out.
+    """Measure position, velocity and spin of the ball from a burst (the images of one ball's passage through the cameras).
+
+    Frames that do not show the whole ball in all images are left out.
 
     Args:
-        burst: A burst with cameras. Where it holds no detections the ball is looked for.
-        air: Bends the flight between the frames, which changes the velocity at the last one by 0.03 m/s.
-        lamps: Calibrated lamps; None: the light is fitted to the burst.
-        search: How much is spent on the spin.
-        first: The first estimate of a burst of which every image shows the whole ball; None: it is made here.
+        burst: The burst, with cameras. In images without a detection the ball is looked for.
+        air: Model of the air, by whose drag and lift the flight is curved between the frames; this changes the velocity at the last frame
+            by 0.03 m/s.
+        lamps: Calibrated lamps; None if the light is to be fitted to the burst.
+        search: Parameters of the search for the spin, which determine its accuracy and its computing time.
+        first: The first estimate of this burst, used if every image shows the whole ball; None if it is to be made here.
 
     Raises:
         BadShape: The burst has no cameras.
@@ -181,7 +188,7 @@ def measure_burst(
 
 
 def _measured(burst: Burst, motion: BallMotion, spin: SpinEstimate, air: Aerodynamics, left_out: dict[DetectionReason, int]) -> Measurement:
-    """Return the measurement of a burst with motion and spin, the flight bent by the air."""
+    """Return the measurement from motion and spin, with the flight curved by the forces of the air."""
     motion = motion.with_acceleration(air.acceleration(motion.velocity, spin.spin), burst.times)
     covariance = np.zeros((9, 9))
     covariance[:6, :6], covariance[6:, 6:] = motion.covariance, spin.covariance
@@ -198,16 +205,20 @@ def estimate_spin(
     lamps: CalibratedLamps | None = None,
     search: SearchParams = DEFAULT,
 ) -> SpinEstimate:
-    """Estimate the spin from images that all show the whole ball.
+    """Estimate the spin of the ball from images in which the whole ball is visible.
 
     Args:
-        frames: [camera][frame] of (h, w) uint8 or uint16.
-        times: (frames,) s, rising, the middle of the exposures.
-        cameras: Who took them.
-        method: "registration": every rotation up to 80 deg between frames is tried, and every spin up to `search.max_spin`.
-            "liu": Method 2 of the dissertation. "correlation": its Method 1.
-        lamps: Calibrated lamps; None: the light is fitted to the burst.
-        search: How much is spent on the registration.
+        frames: Images indexed [camera][frame], each (h, w) uint8 or uint16.
+        times: (frames,) s, rising, the middle of the exposure of each frame.
+        cameras: The cameras that took the images.
+        method: "registration" tries every rotation up to 80 deg between frames and, if `search.max_spin` is set, every spin up to that
+            value; it finds the spin that makes the marks (dots on the ball) agree in all images. "liu" is Method 2 of the dissertation,
+            "correlation" its Method 1.
+        lamps: Calibrated lamps; None if the light is to be fitted to the images.
+        search: Parameters of the registration, which determine its accuracy and its computing time.
+
+    Returns:
+        The spin, or the reason why there is none (`SpinEstimate.reason`).
 
     Raises:
         BadChoice: There is no such method.
@@ -229,7 +240,7 @@ def estimate_spin(
 
 
 def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams, first: FirstEstimate | None = None) -> _Estimate:
-    """Fit motion and spin to a burst with detections, of which every image shows the whole ball."""
+    """Estimate motion and spin from a burst with detections, in which every image shows the whole ball; `first`: its first estimate."""
     first = first or look_at(burst, search, lamps).estimate(burst)
     if first.motion is not None and (doubt := motion_doubt(first.motion)):
         return _Estimate(first.motion, None, doubt)
@@ -240,7 +251,10 @@ def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams,
 
 
 def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate:
-    """Refine a first estimate; the motion is known better with it, because outlines are found again with the marks known."""
+    """Refine the first estimate of motion and spin at the full resolution.
+
+    The motion becomes more accurate, too, because the outlines are found again once the marks are known.
+    """
     motion, found, light, soft = first.motion, first.found, first.light, first.surface
     if motion is None or found is None or light is None or soft is None:
         reason: Failure = first.reason  # type: ignore[assignment]
@@ -276,9 +290,20 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
 def _refine(
     burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, shown: Array, search: SearchParams
 ) -> tuple[BallMotion, SurfaceMap, Registration] | Failure:
-    """Fit light, outlines, motion and spin again with the marks of a registration. shown: See `relight`.
+    """Fit light, outlines, motion and spin again, once the marks on the ball are known.
 
-    Where the outlines are too blurred to be found again, the motion stays as it is.
+    If the outlines are too blurred to be found again, the motion stays as it is.
+
+    Args:
+        burst: The burst.
+        motion: The motion so far.
+        surface: The surface of the ball in all images.
+        found: The spin so far, with the marks.
+        shown: (cameras,), see `relight`.
+        search: Parameters of the registration.
+
+    Returns:
+        Motion, surface and registration; or the reason why the motion cannot be fitted.
     """
     relit = relight(surface, found, shown)
     found = register_again(relit, found, search, ROUGH_STEP)
@@ -291,7 +316,7 @@ def _refine(
 
 
 def _is_swapped(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams) -> bool:
-    """Tell whether the images fit together if the two cameras are taken for each other."""
+    """Return whether the images agree if each of the two cameras is taken for the other: the cameras are then swapped."""
     if len(burst.cameras) < 2:
         return False
     if any(stack.shape[1:] != (camera.height, camera.width) for stack, camera in zip(burst.images, burst.cameras[::-1], strict=True)):
@@ -314,7 +339,7 @@ def _check_cameras(burst: Burst) -> None:
 
 
 def _stack(row: Sequence[Image]) -> np.ndarray:
-    """Return images as one array; raises BadShape for images of different sizes."""
+    """Return images as one array (k, h, w); raise BadShape for images of different sizes."""
     shapes = {np.shape(image) for image in row}
     if len(shapes) > 1:
         raise BadShape("images", shapes.pop(), shapes)

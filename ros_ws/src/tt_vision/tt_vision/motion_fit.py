@@ -1,7 +1,9 @@
-"""Position and velocity of the ball from its outlines in all images of a burst at once (in place of dissertation Section 2.2).
+"""Position and velocity of the ball from its outlines in all images of a burst at once.
 
-The outline of a sphere of known radius is where rays touch it, so perspective is exact. Unknown are the position and the velocity of the
-ball, and by how much each camera finds the edge too far out.
+A burst holds the images of one ball's passage through the high speed cameras (about six pairs). This method replaces Section 2.2 of the
+Nagoya dissertation. The rays from a camera to the points of the outline touch a sphere of known radius, so perspective is taken into
+account exactly. The unknowns are the position and the velocity of the ball, and for each camera an edge shift: the distance in pixels by
+which this camera's images show the edge of the ball too far out.
 """
 
 from __future__ import annotations
@@ -22,33 +24,33 @@ from .capture.burst import Burst
 from .detection.outline import scan_outline
 from .projection import CameraModel, ray, rotate_back, to_camera, unpack_camera
 
-EDGE_PRIOR = 0.6  # pixels, standard deviation of how far inside or outside the true outline an edge is found in an image
-LEAST_POINTS = 16  # outline points needed in an image: a quarter of the outline
+EDGE_PRIOR = 0.6  # pixels, standard deviation of the edge shift of a camera before any measurement
+LEAST_POINTS = 16  # least average number of outline points in an image: a quarter of the outline
 LIGHT_ERROR = (
     12e-6,
     45e-6,
-)  # m, across and along the lines of sight: what light that brightens one side of an outline shifts in all frames
-CALIBRATED_LIGHT = 0.5  # times LIGHT_ERROR with calibrated lamps
-REFIT_TRUST = 0.5  # weight of the refitted position, because the light at the outline is extrapolated from what the cameras see within
-VAGUE_OUTLINE = 0.4  # pixels rms, of first outlines that have no say in the refitted position; 0.1 to 0.3 are usual, 0.8 half in the dark
-AIR_ERROR = 0.1  # of the acceleration by the air, standard deviation of what is taken for it
-OFFSET_ERROR = 0.1  # pixels, an offset of a camera that is as likely the outlines' as the calibration's
-LITTLE_ASIDE = 0.02  # pixels, an alignment that moves the ball by less than the noise
-MOST_OFFSET = 5.0  # pixels from a camera's outlines to where the ball is put, that a fit may have; 0.3 is usual where the light is bad
-LEAST_STEP = 1e-6  # m, and 1/100 s times that: last step of a fit; no pixel notices it
-FIRST_LEAST_STEP = 1e-4  # the same of the first fit: 0.07 pixels
-FIRST_REACH = 0.35  # of the radius: how far from the rough outline the first fit scans for it
-FINE_REACH = 4.0  # pixels, how far from the expected outline later fits scan for it
+)  # m, standard deviation across and along the lines of sight of the error in all frames alike by light that is brighter on one side
+CALIBRATED_LIGHT = 0.5  # factor on LIGHT_ERROR if the lamps are calibrated
+REFIT_TRUST = 0.5  # weight of the refitted position, because the light at the outline is only extrapolated from that further inside
+VAGUE_OUTLINE = 0.4  # pixels rms; first outlines with a larger residual do not count in the refitted position; 0.1 to 0.3 are usual
+AIR_ERROR = 0.1  # relative standard deviation of the acceleration by the air
+OFFSET_ERROR = 0.1  # pixels; half of an offset of this length is attributed to the calibration, half to errors of the outlines
+LITTLE_ASIDE = 0.02  # pixels; a smaller alignment moves the ball by less than the noise
+MOST_OFFSET = 5.0  # pixels, largest offset of a camera with which a fit is accepted; 0.3 is usual where the light is bad
+LEAST_STEP = 1e-6  # m, and 100 times that in m/s: a fit ends after a shorter step, which shifts no pixel noticeably
+FIRST_LEAST_STEP = 1e-4  # the same for the first fit; it is 0.07 pixels
+FIRST_REACH = 0.35  # of the radius: distance from the rough outline within which the first fit scans for the outline
+FINE_REACH = 4.0  # pixels, distance from the expected outline within which later fits scan for the outline
 MOST_RESIDUAL = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
-MOST_APART = 3.0  # pixels between what the cameras' calibration and the ball's size promise and what is seen
-MOST_EDGE = 2.0  # pixels by which a camera may see the ball too large: 1.4 with 3 pixels of blur, 2.4 with the camera 10 cm out of place
-FALL = (0.0, 0.0, -GRAVITY)  # m/s^2
-STEPS = 12  # of a fit, at most
+MOST_APART = 3.0  # pixels, largest offset in u or v of a camera with which a motion is believed
+MOST_EDGE = 2.0  # pixels, largest edge shift of a camera: 1.4 with 3 pixels of blur, 2.4 with the camera 10 cm out of place
+FALL = (0.0, 0.0, -GRAVITY)  # m/s^2, in `table`
+STEPS = 12  # largest number of steps of a fit
 TUKEY = 4.7  # standard deviations beyond which a point has no weight
 
 
 class MotionReason(Enum):
-    """Why outlines tell no motion of a ball: codes of `tt_core.failures.Failure`."""
+    """Reasons why no motion of a ball is found in the outlines, or why it is not believed; codes of `tt_core.failures.Failure`."""
 
     NO_START = "no ball: {error}"
     FEW_POINTS = "no ball: {points} outline points in {images} images"
@@ -62,17 +64,18 @@ class MotionReason(Enum):
 
 @dataclass(frozen=True, eq=False)
 class BallMotion:
-    """The flight during a burst, in `table`.
+    """Motion of the ball during a burst (the images of one ball's passage), in the frame `table`.
 
     Attributes:
-        time: s, of the last frame.
-        position: (3,) m at `time`.
-        velocity: (3,) m/s at `time`.
+        time: s, time of the last frame.
+        position: (3,) m, at `time`.
+        velocity: (3,) m/s, at `time`.
         covariance: (6, 6) of position and velocity.
         acceleration: (3,) m/s^2, taken as constant.
-        residual: Pixels, rms distance of the outline points, each camera aligned.
-        offsets: (cameras, 2) pixels, from where the fit puts the ball to where each camera has it: the error of the cameras' calibration.
-        edges: (cameras,) pixels, by which the outline is found too far out.
+        residual: Root mean square distance of the outline points from the fitted outline, pixels, after subtracting `offsets`.
+        offsets: (cameras, 2) pixels, mean offset (u, v) in each camera's images from the fitted ball to the ball as seen. It is caused
+            mainly by errors of the cameras' calibration.
+        edges: (cameras,) pixels, edge shift: by how much each camera's images show the edge of the ball too far out.
         points: Number of outline points.
     """
 
@@ -88,24 +91,32 @@ class BallMotion:
 
     @property
     def alignment(self) -> Array:
-        """The part of `offsets` that is taken as the calibration's, (cameras, 2) pixels."""
+        """The part of `offsets` that is attributed to errors of the cameras' calibration, (cameras, 2) pixels."""
         return calibration_part(self.offsets)
 
     def positions(self, times: Array) -> Array:
-        """Return the positions (n, 3) m at times (n,) s."""
+        """Return the positions (n, 3) m of the ball in `table` at times (n,) s."""
         t = np.asarray(times)[:, None] - self.time
         return self.position + t * self.velocity + 0.5 * t * t * self.acceleration
 
     def at_distance(self, place: Array, factor: float) -> BallMotion:
-        """Return the motion that looks the same from `place` (3,) m but is `factor` times as far away."""
+        """Return the motion at another distance that looks the same from one place: it is scaled about this place.
+
+        Args:
+            place: (3,) m in `table`, such as the position of a camera.
+            factor: New distance from `place` divided by the present one.
+        """
         return replace(self, position=place + factor * (self.position - place), velocity=factor * self.velocity)
 
     def with_acceleration(self, acceleration: Array, times: Array) -> BallMotion:
-        """Return the motion that the same images tell if the ball has another acceleration.
+        """Return the motion with another acceleration that agrees with the same images.
+
+        The change of the flight by the acceleration is a parabola in time. The straight line that fits this parabola best at the times of
+        the images is subtracted from position and velocity.
 
         Args:
-            acceleration: (3,) m/s^2.
-            times: (k,) s, of the images. The straight line that fits the change of the path at these times is taken off.
+            acceleration: (3,) m/s^2 in `table`.
+            times: (k,) s, times of the images.
         """
         tau = np.asarray(times) - self.time
         line = np.linalg.lstsq(np.stack([np.ones_like(tau), tau], axis=1), 0.5 * tau * tau, rcond=None)[0]
@@ -121,12 +132,12 @@ class BallMotion:
 
 
 class FitSetup(NamedTuple):
-    """What a fit takes as given.
+    """Known quantities of a fit.
 
     Attributes:
         vectors: (cameras, 20) `Camera.vector` of each camera.
-        tau: (frames,) s, times of the frames from their mean on.
-        acceleration: (3,) m/s^2.
+        tau: (frames,) s, times of the frames relative to their mean.
+        acceleration: (3,) m/s^2 in `table`, constant acceleration of the ball.
     """
 
     vectors: Array
@@ -135,7 +146,10 @@ class FitSetup(NamedTuple):
 
 
 class FitState(NamedTuple):
-    """Position (m) and velocity (m/s) of the ball at tau = 0: the first six unknowns of a fit. An edge shift of each camera follows."""
+    """The first six unknowns of a fit: position (m) and velocity (m/s) of the ball in `table` at tau = 0, the mean time of the frames.
+
+    The further unknowns are the edge shifts of the cameras.
+    """
 
     x: float
     y: float
@@ -146,12 +160,13 @@ class FitState(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Outline points beside the outline that a state promises.
+    """Comparison of outline points with the outline that is computed from a state of the ball.
 
     Attributes:
-        outwards: (n,) pixels, distance of each point from the outline, outwards.
-        jacobian: (n, 6), derivative by position and velocity. By the edge shift of the point's own camera it is -1.
-        directions: (n, 2), unit direction outwards in the image.
+        outwards: (n,) pixels, distance of each point from the computed outline, positive outwards.
+        jacobian: (n, 6) derivatives of this distance by position (pixels/m) and velocity (pixels s/m). The derivative by the edge shift of
+            the point's own camera is -1.
+        directions: (n, 2) unit vector (u, v) in the image that points outwards.
     """
 
     outwards: Array
@@ -160,12 +175,12 @@ class Distances(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """What a fit leaves beside the state.
+    """Results of a fit besides the state, which is changed in place.
 
     Attributes:
-        covariance: (6 + cameras, 6 + cameras) of the state.
-        residual: Pixels rms, each camera aligned.
-        offsets: (cameras, 2) pixels, see BallMotion.
+        covariance: (6 + cameras, 6 + cameras) of position, velocity and edge shifts.
+        residual: Root mean square distance of the outline points from the fitted outline, pixels, see `BallMotion.residual`.
+        offsets: (cameras, 2) pixels, see `BallMotion.offsets`.
     """
 
     covariance: np.ndarray
@@ -174,26 +189,31 @@ class Fit(NamedTuple):
 
 
 def calibration_part(offsets: Array) -> Array:
-    """Return the part of offsets (cameras, 2) pixels that is taken as the calibration's.
+    """Return the part of the cameras' offsets that is attributed to errors of their calibration, (cameras, 2) pixels.
 
-    The errors of outlines alone make 0.05 pixels, a calibration that is off makes 0.3.
+    Errors of the outlines alone cause offsets of 0.05 pixels, a wrong calibration causes 0.3. So small offsets are reduced nearly to zero,
+    and large ones are kept.
+
+    Args:
+        offsets: (cameras, 2) pixels, see `BallMotion.offsets`.
     """
     square = (offsets**2).sum(axis=1, keepdims=True)
     return np.asarray(offsets * square / (square + OFFSET_ERROR**2))
 
 
 def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure:  # type: ignore[assignment]
-    """Fit the motion of the ball to its outlines in all images.
+    """Find the outlines of the ball in all images of a burst, and fit its motion to them.
 
-    Least squares over all outline points, twice, with one unknown edge shift for each camera. Outliers, such as marks at the limb, are left
-    out. What a camera is off in all frames alike is taken off in the second fit: an error of the calibration is no motion.
+    This is a least-squares fit over all outline points, done twice, with one unknown edge shift for each camera. Outliers, such as dots on
+    the ball at its outline, are left out. An offset of a camera that is the same in all frames is subtracted in the second fit, because it
+    is an error of the calibration, not a motion.
 
     Args:
-        burst: A burst with cameras and detections, of which every image shows the whole ball.
-        acceleration: (3,) m/s^2.
+        burst: A burst (the images of one ball's passage) with cameras and detections, in which every image shows the whole ball.
+        acceleration: (3,) m/s^2 in `table`, constant acceleration of the ball.
 
     Returns:
-        The motion, or the reason why there is none.
+        The motion, or the reason why none was found.
     """
     setup = _setup(burst, np.array(acceleration, dtype=np.float64))
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
@@ -210,15 +230,15 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
 
 
 def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array) -> BallMotion | Failure:
-    """Fit the motion of the ball to outline points that were found image by image, while the frames came.
+    """Fit the motion of the ball to outline points that have been found before, image by image.
 
     Args:
-        burst: A burst with cameras and detections, of which every image shows the whole ball.
-        points: (n,) OUTLINE_POINT of all images, those of one image one after the other.
-        circles: (cameras, frames, 3) pixels, u, v and radius of the ball in each image.
+        burst: A burst (the images of one ball's passage) with cameras and detections, in which every image shows the whole ball.
+        points: (n,) OUTLINE_POINT of all images; those of one image must follow each other.
+        circles: (cameras, frames, 3) pixels: column u and row v of the ball's centre, and its radius in each image.
 
     Returns:
-        The motion, or the reason why there is none.
+        The motion, or the reason why none was found.
     """
     setup = _setup(burst, np.array(FALL))
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
@@ -233,17 +253,17 @@ def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array) -> 
 
 
 def refit_motion(motion: BallMotion, points: np.ndarray, burst: Burst, is_light_calibrated: bool) -> BallMotion | Failure:
-    """Fit the motion to other outline points of the same burst.
+    """Fit the motion of the ball again, to outline points that were found again more accurately in the same burst.
 
     Args:
         motion: The motion so far.
-        points: (n,) OUTLINE_POINT.
+        points: (n,) OUTLINE_POINT, the new points; those of one image must follow each other.
         burst: The burst.
-        is_light_calibrated: Whether the points were found by the light of calibrated lamps. If not, the outlines so far have a say in the
-            position, unless they are vague.
+        is_light_calibrated: Whether the points were found with the light of calibrated lamps. If not, the new position is the mean of the
+            fitted one and that so far, unless the residual so far exceeds VAGUE_OUTLINE.
 
     Returns:
-        The motion, or the reason why there is none.
+        The motion, or the reason why none was found.
     """
     setup = _setup(burst, motion.acceleration)
     middle = motion.positions(np.array([np.mean(burst.times)]))[0]
@@ -255,7 +275,10 @@ def refit_motion(motion: BallMotion, points: np.ndarray, burst: Burst, is_light_
 
 
 def motion_doubt(motion: BallMotion) -> Failure | None:
-    """Return why a motion is not to be believed, or None."""
+    """Return the reason why a fitted motion is not believable; None if it is.
+
+    A motion is not believable if it is not finite, or if its residual, an offset or an edge shift of a camera is too large.
+    """
     if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
         return Failure(MotionReason.NOT_FINITE)
     if motion.residual > MOST_RESIDUAL:
@@ -280,7 +303,20 @@ def _solve(
     is_light_calibrated: bool = False,
     least_step: float = LEAST_STEP,
 ) -> BallMotion | Failure:
-    """Fit from a state (6 + cameras,), which takes the result, each camera aligned by its offsets as far as they are the calibration's."""
+    """Fit the motion to outline points, starting from a state.
+
+    Args:
+        points: (n,) OUTLINE_POINT.
+        burst: The burst.
+        setup: Cameras, times and acceleration.
+        state: (6 + cameras,) position, velocity and edge shifts at tau = 0, changed in place to the result.
+        offsets: (cameras, 2) pixels, known offsets; the part that is attributed to the calibration is subtracted from the points.
+        is_light_calibrated: Whether the points were found with the light of calibrated lamps.
+        least_step: m, and 100 times that in m/s: the fit ends after a shorter step.
+
+    Returns:
+        The motion, or the reason why none was found.
+    """
     tau, cameras = setup.tau, burst.cameras
     if len(points) < LEAST_POINTS * len(tau) * len(cameras):
         return Failure(MotionReason.FEW_POINTS, points=len(points), images=len(tau) * len(cameras))
@@ -312,12 +348,15 @@ def _solve(
         points=len(points),
     )
     aside = np.abs(motion.alignment).max() * np.linalg.norm(position - cameras[0].position) / cameras[0].focal_pixels
-    covariance[:3, :3] += aside**2 * np.eye(3)  # cameras that disagree do not say which of them is wrong
+    covariance[:3, :3] += aside**2 * np.eye(3)  # if the cameras disagree, it is unknown which of them is wrong
     return motion
 
 
 def _start(burst: Burst, setup: FitSetup, circles: Array) -> Array:
-    """Return position and velocity (6,) at tau = 0 from the rough circles; one camera alone takes the distance from the ball's size."""
+    """Estimate position (m) and velocity (m/s) at tau = 0, (6,), from the circles (cameras, frames, 3) of the ball in the images.
+
+    The distance from a single camera is estimated from the size of the ball.
+    """
     pixels = circles[..., :2]
     if len(burst.cameras) > 1:
         at = triangulate(burst.cameras, pixels)
@@ -331,7 +370,7 @@ def _start(burst: Burst, setup: FitSetup, circles: Array) -> Array:
 
 
 def _first_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
-    """Return the outline points (n,) OUTLINE_POINT far around where the ball was detected."""
+    """Find the outline points (n,) OUTLINE_POINT in a wide ring around the detected ball in each image."""
     found = []
     for c, row in enumerate(burst.detections):
         for k, (ball, circle) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
@@ -343,7 +382,7 @@ def _first_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
 
 
 def _fine_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
-    """Return the outline points (n,) OUTLINE_POINT near where a state promises them."""
+    """Find the outline points (n,) OUTLINE_POINT in a narrow ring around the outline that a state gives in each image."""
     found = []
     for c, row in enumerate(burst.detections):
         for k, (ball, (u, v, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
@@ -355,7 +394,16 @@ def _fine_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _circles(setup: FitSetup, state: Array, c: int) -> list[tuple[float, float, float]]:
-    """Return middle (u, v) and radius, pixels, of the ball in each frame of camera c, by a state; the lens is taken as straight."""
+    """Compute where camera c sees the ball in each frame, without lens distortion.
+
+    Args:
+        setup: Cameras, times and acceleration.
+        state: (6 + cameras,) at tau = 0.
+        c: Index of the camera.
+
+    Returns:
+        For each frame column u and row v of the centre, and the radius, pixels.
+    """
     camera, flight, out = unpack_camera(setup.vectors[c]), unpack_state(state), []
     for t in setup.tau:
         x, y, z = to_camera(camera, *ball_at(flight, setup.acceleration, t))
@@ -366,13 +414,19 @@ def _circles(setup: FitSetup, state: Array, c: int) -> list[tuple[float, float, 
 
 @njit(cache=True, nogil=True, forceinline=True)
 def unpack_state(state: Array) -> FitState:
-    """Return position and velocity of a state (6 + cameras,)."""
+    """Return position and velocity of a state (6 + cameras,) with their names."""
     return FitState(state[0], state[1], state[2], state[3], state[4], state[5])
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def ball_at(s: FitState, acceleration: Array, t: float) -> tuple[float, float, float]:
-    """Return the ball's position, m, at t s after tau = 0."""
+    """Return the position (x, y, z) of the ball in `table`, m.
+
+    Args:
+        s: Position and velocity at tau = 0.
+        acceleration: (3,) m/s^2, constant.
+        t: s after tau = 0.
+    """
     return (
         s.x + t * (s.vx + 0.5 * t * acceleration[0]),
         s.y + t * (s.vy + 0.5 * t * acceleration[1]),
@@ -382,7 +436,12 @@ def ball_at(s: FitState, acceleration: Array, t: float) -> tuple[float, float, f
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def bearings(points: np.ndarray, vectors: Array) -> Array:
-    """Return the unit directions (n, 3) to outline points (n,) OUTLINE_POINT in their camera's frame. vectors: as in FitSetup."""
+    """Return the unit vectors (n, 3) from the camera to outline points, each in the frame of the point's own camera.
+
+    Args:
+        points: (n,) OUTLINE_POINT.
+        vectors: (cameras, 20) `Camera.vector` of each camera.
+    """
     out = np.empty((len(points), 3))
     for i in range(len(points)):
         point = points[i]
@@ -393,14 +452,14 @@ def bearings(points: np.ndarray, vectors: Array) -> Array:
 
 
 class Silhouette(NamedTuple):
-    """A ball as one camera sees it in one frame.
+    """The ball as one camera sees it in one frame.
 
     Attributes:
-        px: Unit vector (px, py, pz) to its centre in the camera's frame; so are `py` and `pz`.
-        py: See `px`.
-        pz: See `px`.
-        distance: m.
-        limb: rad, half the angle that it fills.
+        px: x component of the unit vector from the camera to the ball's centre, in the camera's frame.
+        py: y component of this unit vector.
+        pz: z component of this unit vector.
+        distance: m, from the camera to the ball's centre.
+        limb: rad, angle between the directions to the centre and to the outline of the ball.
         factor: Tangent of `limb`.
     """
 
@@ -422,13 +481,13 @@ def _silhouette(camera: CameraModel, ball: tuple[float, float, float]) -> Silhou
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def distances(points: np.ndarray, rays: Array, setup: FitSetup, state: Array) -> Distances:
-    """Compare outline points with the outline that a state promises. Not validated.
+    """Compare outline points with the outline that is computed from a state of the ball; the arguments are not validated.
 
     Args:
-        points: (n,) OUTLINE_POINT, those of one image one after the other.
-        rays: (n, 3), their `bearings`.
+        points: (n,) OUTLINE_POINT; those of one image must follow each other.
+        rays: (n, 3) unit vectors to these points, from `bearings`.
         setup: Cameras, times and acceleration.
-        state: (6 + cameras,) position and velocity at tau = 0, and the edge shift of each camera, pixels.
+        state: (6 + cameras,) position (m) and velocity (m/s) in `table` at tau = 0, and the edge shift of each camera (pixels).
     """
     n, flight = len(points), unpack_state(state)
     r, j, directions = np.empty(n), np.empty((n, 6)), np.empty((n, 2))
@@ -459,14 +518,14 @@ def distances(points: np.ndarray, rays: Array, setup: FitSetup, state: Array) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(points: np.ndarray, setup: FitSetup, state: Array, aside: Array, least_step: float) -> Fit:
-    """Fit a state, in place, by Gauss-Newton with Tukey's weights, until a step is shorter than `least_step` m.
+    """Fit a state to outline points by Gauss-Newton with Tukey's weights.
 
     Args:
         points: (n,) OUTLINE_POINT.
         setup: Cameras, times and acceleration.
-        state: (6 + cameras,), see `distances`.
-        aside: (cameras, 2) pixels, by which the points of each camera are moved back.
-        least_step: m, and 1/100 s times that.
+        state: (6 + cameras,) where the fit starts, see `distances`; changed in place.
+        aside: (cameras, 2) pixels, known offset (u, v) of each camera, which is subtracted from its points.
+        least_step: m, and 100 times that in m/s: the fit ends after a shorter step.
     """
     size, cameras = len(state), len(setup.vectors)
     scale = 3.0
@@ -499,17 +558,17 @@ def _fit(points: np.ndarray, setup: FitSetup, state: Array, aside: Array, least_
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _normal_equations(points: np.ndarray, r: Array, j: Array, weights: Array, state: Array, h: Array, g: Array, of_camera: Array) -> None:
-    """Fill the normal matrix h and the gradient g with the points and with the prior of the edge shifts.
+    """Compute the normal equations of all points and of the prior on the edge shifts.
 
     Args:
         points: (n,) OUTLINE_POINT.
         r: (n,) pixels, residuals.
-        j: (n, 6), their derivatives by position and velocity.
-        weights: (n,) 1/pixels^2.
-        state: (6 + cameras,).
-        h: (6 + cameras, 6 + cameras).
-        g: (6 + cameras,).
-        of_camera: (cameras, 7, 7), work space: the normal matrix of each camera by position, velocity and its own edge shift.
+        j: (n, 6) derivatives of the residuals by position and velocity.
+        weights: (n,) 1/pixels^2, weights of the points.
+        state: (6 + cameras,), of which the edge shifts are used.
+        h: (6 + cameras, 6 + cameras) filled with the normal matrix.
+        g: (6 + cameras,) filled with the gradient.
+        of_camera: (cameras, 7, 7) work space: the normal matrix of each camera for position, velocity and its own edge shift.
     """
     row = np.empty(7)
     row[6] = -1.0
@@ -536,7 +595,15 @@ def _normal_equations(points: np.ndarray, r: Array, j: Array, weights: Array, st
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _camera_offsets(points: np.ndarray, r: Array, directions: Array, w: Array, cameras: int) -> Array:
-    """Return the shift (cameras, 2) pixels of each camera's points that explains their residuals best."""
+    """Return the offset (cameras, 2), pixels, of each camera's points that fits their residuals best (weighted least squares).
+
+    Args:
+        points: (n,) OUTLINE_POINT.
+        r: (n,) pixels, residuals, positive outwards.
+        directions: (n, 2) unit vectors outwards.
+        w: (n,) weights.
+        cameras: Number of cameras.
+    """
     xx, xy, yy = np.zeros(cameras), np.zeros(cameras), np.zeros(cameras)
     bx, by = np.zeros(cameras), np.zeros(cameras)
     for i in range(len(points)):

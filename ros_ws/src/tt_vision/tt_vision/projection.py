@@ -1,7 +1,7 @@
-"""Kernels of the pinhole camera with the distortion polynomial of OpenCV: projection (2.3), (2.4) and its inverse.
+"""Compiled functions (kernels) of the pinhole camera with the distortion polynomial of OpenCV: projection and its inverse.
 
-From Python a camera comes as the array `Camera.vector`; `unpack_camera` gives its numbers names. None of these kernels validates its
-arguments.
+The projection is that of equations (2.3) and (2.4) of the Nagoya dissertation. Python code passes a camera to a kernel as the array
+`Camera.vector`; `unpack_camera` gives its numbers their names. None of these kernels validates its arguments.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ UNDISTORT_STEPS = 8  # fixed-point steps; the error is 1e-9 pixels for lenses wi
 
 
 class Rotation(NamedTuple):
-    """The entries of a (3, 3) rotation matrix, row by row: `xy` is row x, column y."""
+    """The entries of a (3, 3) rotation matrix, row by row: `xy` is the entry in row x (the first) and column y (the second)."""
 
     xx: float
     xy: float
@@ -37,11 +37,11 @@ class Optics(NamedTuple):
         focal: Focal length, pixels.
         u0: Column of the principal point, pixels.
         v0: Row of the principal point, pixels.
-        k1: Radial distortion coefficient of OpenCV; so are `k2` and `k3`.
-        k2: See `k1`.
-        p1: Tangential distortion coefficient of OpenCV; so is `p2`.
-        p2: See `p1`.
-        k3: See `k1`.
+        k1: First radial distortion coefficient of OpenCV.
+        k2: Second radial distortion coefficient of OpenCV.
+        p1: First tangential distortion coefficient of OpenCV.
+        p2: Second tangential distortion coefficient of OpenCV.
+        k3: Third radial distortion coefficient of OpenCV.
     """
 
     focal: float
@@ -55,14 +55,17 @@ class Optics(NamedTuple):
 
 
 class CameraModel(NamedTuple):
-    """A camera: p_camera = rotation p_table + (tx, ty, tz), (2.3).
+    """A camera with named numbers, as the compiled functions use it.
+
+    A point p_table in the frame `table` is p_camera = rotation p_table + (tx, ty, tz) in the camera's frame, equation (2.3) of the
+    dissertation.
 
     Attributes:
-        rotation: From `table` to the camera's frame.
-        tx: Translation along the camera's x axis, m; so are `ty` and `tz` along y and z.
-        ty: See `tx`.
-        tz: See `tx`.
-        optics: Intrinsics.
+        rotation: Rotation from `table` to the camera's frame.
+        tx: m, x coordinate of the origin of `table` in the camera's frame.
+        ty: m, y coordinate of the same.
+        tz: m, z coordinate of the same.
+        optics: Intrinsics of the camera.
     """
 
     rotation: Rotation
@@ -74,7 +77,7 @@ class CameraModel(NamedTuple):
 
 @njit(cache=True, nogil=True, forceinline=True)
 def unpack_rotation(matrix: Array) -> Rotation:
-    """Return the entries of a rotation matrix (3, 3)."""
+    """Return the entries of a rotation matrix (3, 3) as a `Rotation`."""
     return Rotation(
         matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 0], matrix[1, 1], matrix[1, 2], matrix[2, 0], matrix[2, 1], matrix[2, 2]
     )
@@ -82,7 +85,7 @@ def unpack_rotation(matrix: Array) -> Rotation:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def unpack_camera(vector: Array) -> CameraModel:
-    """Return the camera that `Camera.vector` (20,) describes."""
+    """Return the camera that the array `Camera.vector` (20,) describes."""
     v = vector
     rotation = Rotation(v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8])
     return CameraModel(rotation, v[9], v[10], v[11], Optics(v[12], v[13], v[14], v[15], v[16], v[17], v[18], v[19]))
@@ -90,19 +93,19 @@ def unpack_camera(vector: Array) -> CameraModel:
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def rotate(r: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return r (x, y, z)."""
+    """Return the vector (x, y, z) rotated by `r`."""
     return r.xx * x + r.xy * y + r.xz * z, r.yx * x + r.yy * y + r.yz * z, r.zx * x + r.zy * y + r.zz * z
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def rotate_back(r: Rotation, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the transpose of r times (x, y, z)."""
+    """Return the vector (x, y, z) rotated by the inverse of `r`."""
     return r.xx * x + r.yx * y + r.zx * z, r.xy * x + r.yy * y + r.zy * z, r.xz * x + r.yz * y + r.zz * z
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def to_camera(camera: CameraModel, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a point (x, y, z) m of `table` in the camera's frame, m (2.3)."""
+    """Transform a point (x, y, z) m from the frame `table` to the camera's frame, m; equation (2.3) of the dissertation."""
     r = camera.rotation
     return (
         r.xx * x + r.xy * y + r.xz * z + camera.tx,
@@ -113,7 +116,16 @@ def to_camera(camera: CameraModel, x: float, y: float, z: float) -> tuple[float,
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def distort(lens: Optics, x: float, y: float) -> tuple[float, float]:
-    """Return the distorted X/Z and Y/Z of x = X/Z and y = Y/Z in the camera's frame: the polynomial model of OpenCV."""
+    """Apply the lens distortion, which is the polynomial model of OpenCV.
+
+    Args:
+        lens: Intrinsics of the camera.
+        x: Undistorted image coordinate X/Z of a point (X, Y, Z) in the camera's frame.
+        y: Undistorted image coordinate Y/Z of that point.
+
+    Returns:
+        The distorted X/Z and Y/Z.
+    """
     r2 = x * x + y * y
     radial = 1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3))
     return (
@@ -124,14 +136,14 @@ def distort(lens: Optics, x: float, y: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def project_point(lens: Optics, x: float, y: float, z: float) -> tuple[float, float]:
-    """Return the pixel (u, v) of a point (x, y, z) m in the camera's frame, z > 0."""
+    """Return the pixel (column u, row v) at which the camera sees a point (x, y, z) m in the camera's frame, z > 0."""
     a, b = distort(lens, x / z, y / z)
     return lens.focal * a + lens.u0, lens.focal * b + lens.v0
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def ray(lens: Optics, u: float, v: float) -> tuple[float, float]:
-    """Return X/Z and Y/Z in the camera's frame of the ray through pixel (u, v), the distortion undone."""
+    """Return the ray through pixel (u, v) as X/Z and Y/Z in the camera's frame, with the distortion undone."""
     x0, y0 = (u - lens.u0) / lens.focal, (v - lens.v0) / lens.focal
     x, y = x0, y0
     if lens.k1 != 0.0 or lens.k2 != 0.0 or lens.p1 != 0.0 or lens.p2 != 0.0 or lens.k3 != 0.0:
@@ -143,7 +155,17 @@ def ray(lens: Optics, u: float, v: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def project_from_table(camera: CameraModel, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return pixel u, v and depth (m) of a point (x, y, z) m in `table`; the pixel is NaN if the point is not in front of the camera."""
+    """Project a point into an image.
+
+    Args:
+        camera: The camera.
+        x: m, x coordinate of the point in `table`.
+        y: m, y coordinate of the point in `table`.
+        z: m, z coordinate of the point in `table`.
+
+    Returns:
+        The column u and the row v (pixels), both NaN if the point is not in front of the camera, and the depth along the line of sight (m).
+    """
     across, down, depth = to_camera(camera, x, y, z)
     if depth <= 0.0:
         return math.nan, math.nan, depth
@@ -153,7 +175,12 @@ def project_from_table(camera: CameraModel, x: float, y: float, z: float) -> tup
 
 @njit(cache=True, nogil=True)
 def project_points(vector: Array, points: Array) -> Array:
-    """Return the pixels (n, 2) of points (n, 3) m in `table`, NaN for points that are not in front of the camera `Camera.vector`."""
+    """Return the pixels (n, 2) at which a camera sees points (n, 3) m in `table`; NaN for a point that is not in front of the camera.
+
+    Args:
+        vector: (20,) `Camera.vector` of the camera.
+        points: (n, 3) m in `table`.
+    """
     camera, pixels = unpack_camera(vector), np.empty((len(points), 2))
     for i in range(len(points)):
         pixels[i, 0], pixels[i, 1], _ = project_from_table(camera, points[i, 0], points[i, 1], points[i, 2])
@@ -162,7 +189,12 @@ def project_points(vector: Array, points: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def pixel_rays(vector: Array, pixels: Array) -> Array:
-    """Return the unit directions (n, 3), in the frame of the camera `Camera.vector`, of the rays through pixels (n, 2)."""
+    """Return the unit directions (n, 3), in the camera's frame, of the rays through pixels (n, 2), with the distortion undone.
+
+    Args:
+        vector: (20,) `Camera.vector` of the camera.
+        pixels: (n, 2) pixels, column and row.
+    """
     optics, rays = unpack_camera(vector).optics, np.empty((len(pixels), 3))
     for i in range(len(pixels)):
         x, y = ray(optics, pixels[i, 0], pixels[i, 1])

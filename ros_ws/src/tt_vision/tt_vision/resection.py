@@ -1,4 +1,4 @@
-"""The linear solution of calibration from known points (dissertation Appendix B.2.4)."""
+"""Linear calibration of a camera from points with known positions (Appendix B.2.4 of the Nagoya dissertation)."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ LEAST_POINTS = 6
 
 
 class CannotCalibrate(TtError):
-    """Points that do not determine a camera."""
+    """Error: points do not determine a camera, because they are too few or lie in one plane."""
 
 
 class Resection(NamedTuple):
-    """A camera that fits known points.
+    """Pose and focal length of a camera, as `resection` estimates them from known points.
 
     Attributes:
-        rotation: (3, 3), from `table` to the camera's frame.
-        translation: (3,) m.
+        rotation: (3, 3) rotation matrix from `table` to the camera's frame.
+        translation: (3,) m, the origin of `table` in the camera's frame.
         focal: Focal length, pixels.
     """
 
@@ -31,12 +31,14 @@ class Resection(NamedTuple):
 
 
 def resection(points: Array, pixels: Array, focal: float | None) -> Resection:
-    """Return the pose of a camera, and its focal length if that is not known, by linear least squares: rows of (B.70) times depth.
+    """Estimate the pose of a camera, and its focal length if that is not known, by linear least squares.
+
+    The equations are the rows of (B.70) of the dissertation, multiplied by the depth of the point, which makes them linear.
 
     Args:
-        points: (n, 3) m in `table`.
-        pixels: (n, 2), counted from the principal point.
-        focal: Focal length in pixels, or None.
+        points: (n, 3) m in `table`, the known points, n >= 6.
+        pixels: (n, 2) pixels, where the points were seen, relative to the principal point.
+        focal: Focal length in pixels; None if it is to be estimated.
 
     Raises:
         CannotCalibrate: Fewer than six points, or points in one plane.

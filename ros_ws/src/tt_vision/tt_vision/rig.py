@@ -1,4 +1,7 @@
-"""The cameras of the dissertation and where they stand by default, in `table`: two fast ones at the launcher, and two wide ones."""
+"""The cameras and their default poses in the frame `table`: two high speed cameras at the launcher, and two cameras with a wide view.
+
+Their data are, where printed, those of the Nagoya dissertation "Racket Control and Spinning Ball Measurement for Table Tennis Robot".
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,11 @@ import numpy as np
 
 from .camera import Camera
 
-SIDES = ("left", "right")  # of the fast cameras, in this order everywhere
-WIDE_SIDES = ("wide_left", "wide_right")  # of the wide cameras, in this order everywhere
+SIDES = ("left", "right")  # names of the high speed cameras, in this order everywhere
+WIDE_SIDES = ("wide_left", "wide_right")  # names of the wide cameras, in this order everywhere
 
 FRAME_RATE = 900.0  # 1/s, dissertation Section 2.1
-EXPOSURE = 200e-6  # s; not printed in the dissertation; spin stays sharp up to here
+EXPOSURE = 200e-6  # s; the dissertation does not print it; up to this exposure the measured spin stays accurate
 VIEW_CENTRE = (2.52, 0.7625, 0.365)  # m, just after the launcher at (2.62, 0.7625, 0.34)
 DISTANCE = 1.0  # m from the view centre: the ball is 70 pixels wide
 SIGHT_ANGLE = math.radians(45.0)  # rad between the two lines of sight
@@ -20,17 +23,20 @@ PIXEL_SIZE = 20e-6  # m, dissertation Table A.6
 ELEVATION = math.radians(20.0)  # rad, elevation of the plane of the two lines of sight
 
 WIDE_RATE = 150.0  # 1/s, dissertation Table A.7
-WIDE_NOISE = 0.15  # pixels, standard deviation of each coordinate of the ball; of a centroid of 7 pixels 0.1
-CLOCK_SPREAD = 3e-4  # s, by which the clocks of the two pairs differ; 0.2 ms are 1 mm of a ball
-WIDE_BIAS = 0.2  # pixels, error that lasts: cameras turned by 2e-4 rad since they were calibrated are 0.23 pixels off
-WIDE_CENTRE = (1.28, 0.7625, 0.2)  # m, in the middle of their images
-WIDE_DISTANCE = 7.0  # m from there, as far as it takes to see from 0.4 m behind the robot's end to as far behind the other: 6 mm a pixel
+WIDE_NOISE = 0.15  # pixels, standard deviation of each coordinate of the ball; that of the centroid of a ball 7 pixels wide is 0.1
+CLOCK_SPREAD = 3e-4  # s, standard deviation of the difference between the clocks of the two pairs; in 0.2 ms a ball moves 1 mm
+WIDE_BIAS = 0.2  # pixels, constant error: a camera that has turned by 2e-4 rad since its calibration is 0.23 pixels off
+WIDE_CENTRE = (1.28, 0.7625, 0.2)  # m, the point in the middle of both images
+WIDE_DISTANCE = 7.0  # m from that point: from there each camera sees both table ends and 0.4 m behind each; a pixel is 6 mm at the ball
 WIDE_SIGHT_ANGLE = math.radians(60.0)  # rad between the two lines of sight
 WIDE_ELEVATION = math.radians(25.0)  # rad, elevation of both
 
 
 def high_speed_pair() -> tuple[Camera, Camera]:
-    """Return the fast cameras (left, right). Both stand on the side y < 0.7625 and see 13 cm of the flight; left is nearer to the net."""
+    """Return the two high speed cameras (left, right) at their default poses.
+
+    Both stand on the side y < 0.7625 m and see 13 cm of the flight, just after the launcher. The left one is nearer to the net.
+    """
     middle = math.cos(SIGHT_ANGLE / 2) * np.array([0.0, -math.cos(ELEVATION), math.sin(ELEVATION)])
     aside = math.sin(SIGHT_ANGLE / 2) * np.array([1.0, 0.0, 0.0])
     left, right = (
@@ -48,10 +54,10 @@ def high_speed_pair() -> tuple[Camera, Camera]:
 
 
 def wide_pair() -> tuple[Camera, Camera]:
-    """Return the wide cameras (wide_left, wide_right).
+    """Return the two wide cameras (wide_left, wide_right) at their default poses.
 
-    Both stand on the side y < 0 and see the ball from the strike to behind the opponent's end; left is nearer to the robot. Where those of
-    the dissertation stood is not printed.
+    Both stand on the side y < 0 and see the ball over the whole table and 0.4 m behind each end. The left one is nearer to the robot. The
+    dissertation does not print where its wide cameras stood, so these poses are the project's own.
     """
     flat, high = math.cos(WIDE_ELEVATION), math.sin(WIDE_ELEVATION)
     aside, back = flat * math.sin(WIDE_SIGHT_ANGLE / 2), flat * math.cos(WIDE_SIGHT_ANGLE / 2)

@@ -1,4 +1,7 @@
-"""Publish the ball over time, followed by the wide cameras, with or without a measurement of the fast ones."""
+"""ROS node that publishes the state of the ball over time, tracked with the wide cameras.
+
+A measurement by the high speed cameras starts a track. It is not needed: the ball is also found in the pixels of the wide cameras alone.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,8 @@ from .tracking import Tracker, TrackerParams
 from .warm import warm_tracker
 from .wide_inputs import WideInputs
 
-LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
-LARGEST_STATE = 4096  # bytes: a state has 730
+LARGEST_PHYSICS = 1 << 15  # bytes of a message; learnt coefficients have 3,000
+LARGEST_STATE = 4096  # bytes of a message; a state has 730
 
 
 class TrackLine(Enum):
@@ -39,31 +42,33 @@ class TrackLine(Enum):
 
 @dataclass(frozen=True)
 class TrackParams:
-    """What is known about the pixels."""
+    """Parameters of the node: accuracy of the pixels at which the wide cameras see the ball."""
 
     pixel_noise: float = param(
         WIDE_NOISE, "pixels", "standard deviation of each pixel coordinate of the ball; of a centroid of 7 pixels 0.1", low=1e-3, high=100.0
     )
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
 
 
 class TrackNode(Node):
-    """Subscribe to ball/first, ball/measured, camera/{wide_left,wide_right}/ball and camera_info, publish ball/state for each frame.
+    """Node that tracks the ball and publishes its state on ball/state, once for each frame (image instant) of the wide cameras.
 
-    The poses of the wide cameras are parameters, see `WideInputs`.
+    It subscribes to camera/{wide_left,wide_right}/ball and camera_info (the pixels at which the wide cameras see the ball, and their
+    intrinsics), to ball/first and ball/measured (measurements by the high speed cameras, which start a track), and to physics (learnt
+    coefficients). The poses of the wide cameras are parameters, see `WideInputs`.
     """
 
     def __init__(self) -> None:
-        """Declare parameters, compile the kernels, then subscribe."""
+        """Declare the parameters, compile the functions of the tracker, then subscribe to the topics."""
         super().__init__("track")
         self.noise = declare(self, TrackParams).pixel_noise
         self.params = declare(self, TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD))
         self.physics = declare_physics(self)
-        self.frame, self.sides = -np.inf, set[int]()  # s, of the newest frame, and the cameras that have seen the ball in it
-        self.followed = 0  # balls that were found or measured
+        self.frame, self.sides = -np.inf, set[int]()  # time of the newest frame, s, and the cameras that have seen the ball in it
+        self.followed = 0  # number of balls that were found or measured
         warm_tracker(wide_pair())
         self.status = Status(self)
         self.states = self.create_publisher(Odometry, "ball/state", RELIABLE)
@@ -77,18 +82,26 @@ class TrackNode(Node):
         self.status.wait_for(inputs)
 
     def on_calibration(self) -> None:
-        """Start anew with the cameras as they are now known to be."""
+        """Replace the tracker by a new one for the changed cameras; the present track is lost."""
         self.tracker = Tracker(self.physics, self.wide.cameras, self.params)
 
     def on_physics(self, message: String) -> None:
-        """Take learnt coefficients; they are used from the next measured ball on."""
+        """Store learnt coefficients of the physics; they are used from the next measured ball on.
+
+        Args:
+            message: The coefficients as text, see `tt_core.learnt_physics`.
+        """
         try:
             self.physics = physics_from_text(message.data, "track", self.physics)
         except TtError as error:
             self.bad_physics(error)
 
     def on_ball(self, message: Odometry) -> None:
-        """Start anew from a measured ball, and publish it. The refined measurement of a ball replaces its first estimate."""
+        """Start a new track from a measured ball, and publish its state. So a measurement of a ball replaces its first estimate.
+
+        Args:
+            message: The measured state.
+        """
         try:
             ball = ball_from_message(message)
             self.tracker.use(self.physics)
@@ -99,7 +112,13 @@ class TrackNode(Node):
         self.publish()
 
     def on_pixel(self, time: float, side: int, pixel: Array) -> None:
-        """Take a pixel, and publish the ball when both cameras have told theirs of a frame, or a newer frame begins."""
+        """Add a pixel to the tracker; publish the ball when the pixels of both cameras in a frame have arrived, or a newer frame begins.
+
+        Args:
+            time: s, stamp of the frame.
+            side: Which camera, 0 left, 1 right.
+            pixel: (2,) pixels, column and row of the ball.
+        """
         if time > self.frame and self.sides and len(self.sides) < len(WIDE_SIDES):  # the other camera did not see the ball in that frame
             self.publish()
         self.tracker.add_pixel(time, side, pixel, self.noise)
@@ -111,7 +130,7 @@ class TrackNode(Node):
                 self.publish()
 
     def publish(self) -> None:
-        """Publish the ball, if there is one, and tell of each new one."""
+        """Publish the state of the ball, if there is one; report each new ball in the diagnostics."""
         ball = self.tracker.state()
         if ball is None:
             return

@@ -1,4 +1,4 @@
-"""Kernel of triangulation: the linear solution (B.74), its rows scaled by depth."""
+"""Compiled triangulation of points: the linear solution (B.74) of the Nagoya dissertation, with each equation divided by the depth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,19 @@ PASSES = 3  # each with the depths of the one before; the first one takes all de
 
 
 class NormalEquations(NamedTuple):
-    """Sums over equations p x + q y + r z = b: the upper triangle of the normal matrix, and the right side `x`, `y`, `z`."""
+    """Normal equations of a least-squares problem with three unknowns, summed over equations p X + q Y + r Z = b.
+
+    Attributes:
+        xx: Sum of p p. This and the next five are the upper triangle of the normal matrix.
+        xy: Sum of p q.
+        xz: Sum of p r.
+        yy: Sum of q q.
+        yz: Sum of q r.
+        zz: Sum of r r.
+        x: Sum of p b. This and the next two are the right side.
+        y: Sum of q b.
+        z: Sum of r b.
+    """
 
     xx: float
     xy: float
@@ -36,14 +48,14 @@ def _with_equation(n: NormalEquations, p: float, q: float, r: float, b: float) -
 
 @njit(cache=True, nogil=True)
 def triangulate_points(vectors: Array, pixels: Array) -> Array:
-    """Return the points that cameras see at pixels.
+    """Compute the positions of n points from the pixels at which m cameras see them; the arguments are not validated.
 
     Args:
-        vectors: (m, 20) `Camera.vector` of each camera.
-        pixels: (m, n, 2).
+        vectors: (m, 20) `Camera.vector` of each camera, m >= 2.
+        pixels: (m, n, 2) pixels, column and row.
 
     Returns:
-        (n, 3) m in `table`, NaN where the rays are parallel.
+        (n, 3) m in `table`, NaN for a point whose rays are parallel.
     """
     m, points = len(vectors), np.empty((pixels.shape[1], 3))
     rays, depths = np.empty((m, 2)), np.empty(m)

@@ -1,4 +1,4 @@
-"""Compiles every kernel of the measurement and makes its tables, so that no ball waits for them."""
+"""Warm-up: compile the functions (kernels) of the measurement and make its tables before the first ball, so that no ball waits for them."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .tracking import Tracker
 
 
 def warm(cameras: Sequence[Camera]) -> None:
-    """Compile every kernel and make every table that a measurement uses, on drawn images of 8 and of 16 bits.
+    """Compile every function and make every table that the measurement of a ball uses, by measuring synthetic images of 8 and of 16 bits.
 
     Args:
-        cameras: Two of the same size, which see the place 1 m in front of them.
+        cameras: Two cameras with images of the same size, whose lines of sight meet about 1 m in front of them.
     """
     axis = np.mean([camera.rotation[2] for camera in cameras], axis=0)
     start = np.mean([camera.position for camera in cameras], axis=0) + axis
@@ -36,10 +36,10 @@ def warm(cameras: Sequence[Camera]) -> None:
 
 
 def warm_tracker(cameras: Sequence[Camera]) -> None:
-    """Compile every kernel of the tracker, on a ball that flies, bounces and is lost.
+    """Compile every function of the tracker, by tracking a simulated ball that flies and bounces.
 
     Args:
-        cameras: Wide ones that see the table.
+        cameras: Wide cameras that see the table.
     """
     state = np.array([1.6, 0.76, 0.2, -6.0, 0.0, -1.0, 0.0, -100.0, 0.0])
     physics = Physics.measured()
@@ -56,7 +56,13 @@ def warm_tracker(cameras: Sequence[Camera]) -> None:
 
 
 def _draw(camera: Camera, centre: Array, angle: float) -> np.ndarray:
-    """Return an image (h, w) of a chequered ball at `centre` (3,) m, turned by `angle` rad about the vertical."""
+    """Return a synthetic image (h, w) of a chequered ball.
+
+    Args:
+        camera: The camera that takes the image.
+        centre: (3,) m in `table`, centre of the ball.
+        angle: rad, by which the ball has turned about the vertical axis of the image.
+    """
     v, u = np.mgrid[: camera.height, : camera.width]
     depth = (camera.rotation @ centre + camera.translation)[2]
     middle_u, middle_v = camera.project(centre[None])[0]

@@ -1,4 +1,4 @@
-"""The wide cameras of a node: their poses, their calibrations, and the pixels at which they see the ball."""
+"""The subscriptions of a node to the wide cameras: their poses, their intrinsics, and the pixels at which they see the ball."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from .camera import Camera
 from .camera_pose import CameraPose
 from .rig import WIDE_SIDES, wide_pair
 
-LARGEST_PIXEL = 1024  # bytes: one has 60
-LARGEST_INFO = 4096  # bytes: one with 14 coefficients has 500
+LARGEST_PIXEL = 1024  # bytes of a message; a pixel has 60
+LARGEST_INFO = 4096  # bytes of a message; one with 14 coefficients has 500
 
 
 class WideInputs:
-    """Subscriptions of a node to the topics camera/{wide_left,wide_right}/ball and camera_info.
+    """Subscriptions of a node to the topics camera/{wide_left,wide_right}/ball and camera/{wide_left,wide_right}/camera_info.
 
-    The poses of the cameras are the parameters {wide_left,wide_right}.rotation and .translation of the node.
+    The poses of the cameras are the parameters {wide_left,wide_right}.rotation and {wide_left,wide_right}.translation of the node.
 
     Attributes:
-        cameras: The left and the right one, changed in place when a calibration arrives.
+        cameras: The left and the right wide camera; an element is replaced when its camera_info arrives.
         inputs: The subscriptions.
     """
 
@@ -42,10 +42,10 @@ class WideInputs:
 
         Args:
             node: The node that subscribes.
-            status: Its diagnostics, which tell of what is refused.
-            on_pixel: Takes the stamp (s), the camera (0 or 1) and the pixel, shape (2,), of a camera whose calibration is known. A TtError
-                that it raises refuses the pixel.
-            on_calibration: Called after a camera has changed.
+            status: Diagnostics of the node, in which refused messages are reported.
+            on_pixel: Called with each pixel of a camera whose intrinsics are known: stamp (s), camera (0 left, 1 right), pixel (2,). If it
+                raises a TtError, the pixel is reported as refused.
+            on_calibration: Called after an element of `cameras` has been replaced.
         """
         self.cameras: list[Camera] = list(wide_pair())
         self._poses = [declare(node, CameraPose.of(camera), f"{name}.") for name, camera in zip(WIDE_SIDES, self.cameras, strict=True)]
@@ -60,7 +60,7 @@ class WideInputs:
             self.inputs.append(Input(node, PointStamped, pixel, take_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self._bad_pixels))
 
     def _take_info(self, side: int, message: CameraInfo) -> None:
-        """Take the calibration of a camera, unless it is the same as before."""
+        """Replace a camera by one with the intrinsics of a message, unless they are the same as before."""
         message.header = CameraInfo().header  # drivers repeat a calibration with other stamps
         if message == self._infos[side]:
             return
@@ -75,7 +75,7 @@ class WideInputs:
         self._on_calibration()
 
     def _take_pixel(self, side: int, message: PointStamped) -> None:
-        """Pass a pixel to the node; drop it while the calibration of its camera has not arrived."""
+        """Pass a pixel to the node; drop it while the intrinsics of its camera are unknown."""
         if self._infos[side] is None:
             return
         try:

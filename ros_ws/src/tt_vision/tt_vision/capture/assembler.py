@@ -1,4 +1,8 @@
-"""Two streams of images to one burst of each ball: images are paired by stamp; loss, disorder and repetition of images are survived."""
+"""Assembles the images of two cameras, which arrive one by one, to bursts.
+
+A burst holds the images of one ball's passage through the high speed cameras (about six pairs). Images are paired by their stamps. Images
+may be lost, arrive in any order, or arrive twice.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +18,14 @@ from ..detection.ball_detection import DetectionReason, find_ball
 from ..rig import SIDES
 from .burst import LEAST_FRAMES, MOST_FRAMES, BallDetection, Burst, Image
 
-TIME_RESET = 1.0  # s by which a stamp is older than the newest one before it is taken as the start of another recording
-MOST_WAITING = 64  # images of a side that wait for their partners: more than a camera of 900 Hz sends in `gap`
-MOST_BYTES = 2**27  # of images of a side that wait
+TIME_RESET = 1.0  # s; a stamp that is older than the newest one by more than this is taken as the start of another recording
+MOST_WAITING = 64  # most images of a side that wait for their partners: more than a camera of 900 Hz sends in `gap`
+MOST_BYTES = 2**27  # most bytes of the images of a side that wait
 
 
 @dataclass(frozen=True)
 class BurstParams:
-    """How a burst is put together."""
+    """Parameters by which images are put together to bursts (the images of one ball's passage through the cameras)."""
 
     frames: int = param(6, "", "number of image pairs that make a burst; the dissertation uses 6", low=LEAST_FRAMES, high=MOST_FRAMES)
     refined: int = param(
@@ -39,7 +43,7 @@ class BurstParams:
     )
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
         if self.refined:
             check_range("refined", self.refined, self.frames + 1, MOST_FRAMES)
@@ -47,14 +51,14 @@ class BurstParams:
 
 @dataclass
 class AssemblerCounts:
-    """Images that are in no burst, since the start.
+    """Counts, since the start, of images and pairs of images that were not used in a burst, by the reason.
 
     Attributes:
-        unpaired: No partner came while they waited, or too many images waited.
-        duplicate: Another image of the same side and stamp came before.
-        late: Older than the ball of the present burst by more than `gap`.
-        not_whole: Not both images of the pair show a whole ball.
-        spare: The bursts of their ball were complete.
+        unpaired: Images of a whole ball for which no partner of the other camera came in time, or that were dropped as too many waited.
+        duplicate: Images of the same camera and stamp as one before.
+        late: Images that are older than the newest image of the present ball by more than `BurstParams.gap`.
+        not_whole: Pairs of which at least one image does not show the whole ball.
+        spare: Pairs that came when the bursts of their ball were complete.
     """
 
     unpaired: int = 0
@@ -65,21 +69,21 @@ class AssemblerCounts:
 
 
 class Seen(NamedTuple):
-    """An image that shows a whole ball, and where."""
+    """An image that shows a whole ball, and where the ball is in it."""
 
     image: Image
     detection: BallDetection
 
 
 class Waiting(NamedTuple):
-    """An image that waits for its partner: its time (s), and what it shows, None if no whole ball."""
+    """An image that waits for its partner of the other camera: its time (s), and what it shows (None if it does not show a whole ball)."""
 
     time: float
     seen: Seen | None
 
 
 class Views(NamedTuple):
-    """The images of one frame of a burst: its time (s), and what each camera sees."""
+    """One frame of a burst: its time (s), and for each camera that is used the image with its ball."""
 
     time: float
     seen: tuple[Seen, ...]
@@ -87,14 +91,14 @@ class Views(NamedTuple):
 
 @dataclass
 class Assembler:
-    """Takes images in any order and makes bursts of them.
+    """Takes the images of both cameras one by one, in any order, and makes bursts of them.
 
-    A burst is handed out as soon as it has `frames` pairs, or when its ball leaves the view after LEAST_FRAMES pairs. If wanted, a longer
-    burst of the same ball follows.
+    A burst holds the images of one ball's passage through the cameras. It is complete when it has `BurstParams.frames` pairs, or when its
+    ball leaves the view after at least LEAST_FRAMES pairs. If `BurstParams.refined` is set, a second, longer burst of this ball follows.
 
     Attributes:
-        params: How a burst is put together.
-        counts: Images that are in no burst.
+        params: Parameters by which images are put together.
+        counts: Counts of images that were not used.
     """
 
     params: BurstParams = field(default_factory=BurstParams)
@@ -103,20 +107,23 @@ class Assembler:
     _pairs: list[Views] = field(default_factory=list)
     _kinds: list[tuple | None] = field(default_factory=lambda: [None, None])  # shape and type of the present ball's images
     _last: float = -np.inf  # newest stamp that showed a ball
-    _given: int = 0  # bursts that the present ball has had
-    _used: int = 0  # pairs in the last of them
+    _given: int = 0  # number of bursts that were made of the present ball
+    _used: int = 0  # number of pairs in the last of these bursts
 
     def add(self, side: int, time: float, image: Image) -> Burst | None:
-        """Take an image; return a burst if it is complete with it.
+        """Add one image.
 
         Args:
-            side: 0 left, 1 right.
+            side: Which camera, 0 left, 1 right.
             time: s, the middle of the exposure.
             image: (h, w) uint8 or uint16.
 
+        Returns:
+            The burst that is complete with this image; None if none is.
+
         Raises:
-            TtError: The image has another type.
-            BadShape: The image has another shape or type than those of the same ball before it.
+            TtError: The image is neither uint8 nor uint16.
+            BadShape: The image differs in shape or type from earlier images of the same camera and ball, or is smaller than 8 x 8.
         """
         if self.params.alone and SIDES[side] != self.params.alone:
             return None
@@ -148,11 +155,11 @@ class Assembler:
 
     @property
     def present(self) -> list[Views]:
-        """The pairs of the present ball that wait for its next burst, in the order in which they came."""
+        """The frames of the present ball that will be in its next burst, in the order in which they were completed; not a copy."""
         return self._pairs
 
     def _follow(self, side: int, time: float, image: Image) -> None:
-        """Begin a new ball after a gap, and refuse an image unlike those of the same ball before it."""
+        """Begin a new ball if the last one was seen more than `gap` ago; raise BadShape if the image is unlike earlier ones of its ball."""
         if time > self._last + self.params.gap:
             self._renew()
         kind = (*image.shape, str(image.dtype))
@@ -162,13 +169,13 @@ class Assembler:
         self._last = max(self._last, time)
 
     def _is_known(self, side: int, time: float) -> bool:
-        """Tell whether an image of that side and time is here already."""
+        """Tell whether an image of this side and time has been added before and is still kept."""
         return any(abs(time - one.time) <= self.params.pairing for one in self._waiting[side]) or any(
             abs(time - one.time) <= self.params.pairing for one in self._pairs
         )
 
     def _take_partner(self, side: int, time: float) -> Waiting | None:
-        """Take the image of that side and time out of those that wait."""
+        """Remove the image of this side and time from those that wait, and return it; None if there is none."""
         for one in self._waiting[side]:
             if abs(one.time - time) <= self.params.pairing:
                 self._waiting[side].remove(one)
@@ -183,7 +190,16 @@ class Assembler:
                 self.counts.unpaired += queue.popleft().seen is not None
 
     def _add_views(self, time: float, pair: tuple[Seen | None, ...], leaving: bool) -> Burst | None:
-        """Add the images of one instant; return a burst if it is complete with them, or if the ball leaves."""
+        """Add the images of one frame.
+
+        Args:
+            time: s.
+            pair: For each camera that is used the image with its ball; None where no whole ball is in it.
+            leaving: Whether the ball is partly out of view in the newest image.
+
+        Returns:
+            The burst that is complete with this frame or because its ball leaves the view; None if none is.
+        """
         whole = tuple(seen for seen in pair if seen is not None)
         if len(whole) < len(pair):
             self.counts.not_whole += leaving or len(whole) > 0
@@ -196,11 +212,11 @@ class Assembler:
         return self._burst() if len(self._pairs) >= self._wanted() else None
 
     def _wanted(self) -> int:
-        """Return the number of pairs in the next burst of this ball; 0 if there is none."""
+        """Return the number of pairs that the next burst of this ball needs; 0 if no further burst is to be made."""
         return (self.params.frames, self.params.refined, 0)[self._given]
 
     def _burst(self) -> Burst:
-        """Make a burst of the pairs."""
+        """Make a burst of the frames that are kept."""
         pairs = sorted(self._pairs, key=lambda one: one.time)
         self._given, self._used = self._given + 1, len(pairs)
         if not self._wanted():
@@ -214,7 +230,7 @@ class Assembler:
         )
 
     def _renew(self) -> None:
-        """Forget the present ball."""
+        """Forget the present ball and all images that are kept."""
         for queue in self._waiting:
             self.counts.unpaired += sum(one.seen is not None for one in queue)
             queue.clear()

@@ -1,4 +1,7 @@
-"""What flows from the cameras to the measurement: images of one ball, where it is in each of them, and who took them."""
+"""The data that pass from the cameras to the measurement: a burst, and where the ball is in each of its images.
+
+A burst holds the images of one ball's passage through the high speed cameras (about six pairs).
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,12 @@ from ..camera import Camera
 
 Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
-LEAST_FRAMES = 3  # of a burst that is measured; with two, 8 % of the spins are wrong
-MOST_FRAMES = 10  # of a burst that is measured; more add time and no accuracy
+LEAST_FRAMES = 3  # frames that a burst must have to be measured; from two frames 8 % of the spins are wrong
+MOST_FRAMES = 10  # frames of a burst that are used; more cost time and add no accuracy
 
 
 class TimesNotRising(TtError):
-    """Times of frames that do not rise."""
+    """Error: the times of frames are not in rising order."""
 
     def __init__(self, times: Array) -> None:
         """Keep the times."""
@@ -30,13 +33,14 @@ class TimesNotRising(TtError):
 
 @dataclass(frozen=True)
 class BallDetection:
-    """Where the ball is in one image.
+    """Result of looking for the ball in one image: where it is, or why the image does not show a whole ball.
 
     Attributes:
-        reason: Why the image does not show a whole ball, a code of `DetectionReason`; None if it does.
-        u: Column of the ball's middle, pixels, within 2 pixels.
-        v: Row of the ball's middle, pixels, within 2 pixels.
-        radius: Pixels, roughly.
+        reason: Why the image does not show a whole ball, with a code of `DetectionReason`; None if it shows one. Only then do the other
+            attributes hold values.
+        u: Column of the ball's centre, pixels, accurate to 2 pixels.
+        v: Row of the ball's centre, pixels, accurate to 2 pixels.
+        radius: Rough radius of the ball in the image, pixels.
         background: Grey level of the background.
         peak: Grey level of the brightest part of the ball.
     """
@@ -50,25 +54,28 @@ class BallDetection:
 
     @property
     def contrast(self) -> float:
-        """Grey levels between the background and the brightest part of the ball."""
+        """Difference in grey levels between the brightest part of the ball and the background."""
         return self.peak - self.background
 
 
 @dataclass(frozen=True, eq=False)
 class Burst:
-    """Images of one ball that one or two cameras took at the same instants.
+    """The images of one ball's passage through the high speed cameras: k frames (about six), each with one image per camera.
+
+    One or two cameras take the images, all cameras at the same instants.
 
     Attributes:
-        images: One array (k, h, w), uint8 or uint16, of each camera.
-        times: (k,) s, rising: the middle of the exposures.
-        cameras: The camera of each array; empty as long as they are not known.
-        detections: [camera][frame], where the ball is; empty, or with an empty row for a camera, where it has not been looked for.
-        refined: Whether a shorter burst of the same ball came before.
+        images: For each camera one array (k, h, w), uint8 or uint16.
+        times: (k,) s, rising, the middle of the exposure of each frame.
+        cameras: For each array of `images` the camera that took it; empty as long as the cameras are not known.
+        detections: Where the ball is in each image, indexed [camera][frame]. It is empty, or has an empty row for a camera, as long as the
+            ball has not been looked for there.
+        refined: Whether this is the second, longer burst of a ball, which follows a shorter one.
 
     Raises:
-        BadShape: Images, times and cameras do not fit together.
+        BadShape: The numbers of images, times and cameras, or the sizes of the images, do not fit together.
         NotFinite: A time is NaN or infinite.
-        TimesNotRising: Times do not rise.
+        TimesNotRising: The times are not in rising order.
     """
 
     images: tuple[np.ndarray, ...]
@@ -78,7 +85,7 @@ class Burst:
     refined: bool = False
 
     def __post_init__(self) -> None:
-        """Copy the times, and refuse what does not fit together."""
+        """Copy the times, and check that images, times and cameras fit together."""
         times = check_array("times", self.times, (-1,))
         if (np.diff(times) <= 0.0).any():
             raise TimesNotRising(times)
@@ -99,15 +106,19 @@ class Burst:
 
     @property
     def from_middle(self) -> Array:
-        """(k,) s, the times from their mean on."""
+        """Times of the frames relative to their mean, (k,) s."""
         return np.asarray(self.times - np.mean(self.times))
 
     def seen_by(self, cameras: Sequence[Camera]) -> Burst:
-        """Return the same images, taken by these cameras."""
+        """Return a burst of the same images that is said to be taken by these cameras."""
         return replace(self, cameras=tuple(cameras))
 
     def only(self, frames: Sequence[int]) -> Burst:
-        """Return a burst of some of the frames, by their numbers, rising."""
+        """Return a burst of some of the frames only.
+
+        Args:
+            frames: Indices of these frames, in rising order.
+        """
         if len(frames) == len(self):
             return self
         chosen = list(frames)

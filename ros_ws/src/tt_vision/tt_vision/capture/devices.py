@@ -1,4 +1,7 @@
-"""Cameras that the operating system knows, through OpenCV: set up by parameters, stamped when they grab, opened again when lost."""
+"""Images from camera devices of the operating system, through OpenCV.
+
+The devices are set up by parameters, a frame is stamped when it is grabbed, and a device that is lost is opened again.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from tt_core.params import check, param
 
 
 class DeviceReason(Enum):
-    """Why a device is not used: codes of `tt_core.failures.Failure`."""
+    """Reasons why a camera device cannot be used; codes of `tt_core.failures.Failure`, the values are format strings."""
 
     CANNOT_OPEN = "cannot open {device!r}"
     NO_SETTING = "device {device} takes no setting of {setting}"
@@ -27,17 +30,22 @@ class DeviceReason(Enum):
 
 
 class DeviceError(TtError):
-    """A device that cannot be opened, does not take a setting, or changes its images."""
+    """Error: a camera device cannot be opened, does not accept a setting, or changes the size of its images."""
 
     def __init__(self, code: DeviceReason, **values: object) -> None:
-        """Keep the reason, so that a caller can decide on its code."""
+        """Keep the reason, so that a caller can decide on its code.
+
+        Args:
+            code: The reason.
+            **values: Numbers and names for the format string of the code.
+        """
         self.reason = Failure(code, **values)
         super().__init__(str(self.reason))
 
 
 @dataclass(frozen=True)
 class DeviceParams:
-    """How both cameras are set up."""
+    """Settings of the two camera devices."""
 
     exposure: float = param(0.0, "s", "exposure time; 0 leaves it as the driver has it", low=0.0, high=1.0)
     exposure_log2: bool = param(
@@ -51,7 +59,7 @@ class DeviceParams:
     patience: float = param(60.0, "s", "time for which a lost device is tried again before it is given up", low=0.0, high=86400.0)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range, and a region of less than 8 x 8 pixels."""
+        """Raise an error for a value outside its range, and for a region of less than 8 x 8 pixels."""
         check(self)
         if len(self.region) != 4 or min(self.region) < 0 or (any(self.region) and min(self.region[2:]) < 8):
             raise DeviceError(DeviceReason.BAD_REGION, region=list(self.region))
@@ -59,11 +67,11 @@ class DeviceParams:
 
 @dataclass
 class DeviceCounts:
-    """What went wrong since the start.
+    """Counts of the faults of the camera devices since the start.
 
     Attributes:
-        dropped: Frames that are missing by the stamps.
-        lost: How often the devices were opened again.
+        dropped: Number of frames that are missing, as the gaps between the stamps tell.
+        lost: How often the devices were lost and opened again.
     """
 
     dropped: int = 0
@@ -81,21 +89,22 @@ def grabs(
     counts: DeviceCounts,
     opener: Open = cv2.VideoCapture,
 ) -> Iterator[tuple[float, list[np.ndarray]]]:
-    """Grab frames of all devices together.
+    """Open camera devices and grab frames of all of them together, without end.
 
     Args:
-        numbers: Of the devices.
-        now: Returns the time, s. A frame is stamped when it is grabbed, before anything is decoded, less half of the exposure.
-        params: How the devices are set up.
-        frame_rate: 1/s, to count the frames that the devices drop.
-        counts: Takes these numbers.
+        numbers: Numbers of the devices, as OpenCV counts them.
+        now: Returns the present time, s. It is called when a frame is grabbed, before the images are decoded.
+        params: Settings of the devices.
+        frame_rate: Frames per second, by which dropped frames are counted.
+        counts: Counts of faults, increased in place.
         opener: Opens a device by its number.
 
     Yields:
-        The time, s, and the image of each device as it comes.
+        The time of each frame, s (the middle of the exposure), and one image per device, grey or in colour as OpenCV decodes it.
 
     Raises:
-        DeviceError: A device cannot be opened at the start, or for `patience`, does not take a setting, or changes the size of its images.
+        DeviceError: A device cannot be opened at the start, or a lost one cannot be opened within `patience`. Or it does not accept a
+            setting, its images change in size, or the region is outside its images.
     """
     captures = _open(numbers, params, opener)
     shapes: list[tuple[int, ...]] = []
@@ -136,7 +145,7 @@ def grabs(
 
 
 def _open(numbers: Sequence[int], params: DeviceParams, opener: Open) -> list[Any]:
-    """Open and set up all devices; if one fails, release the others and raise DeviceError."""
+    """Open and set up all devices; if one fails, release those that are open and raise DeviceError."""
     captures = []
     for number in numbers:
         captures.append(opener(number))
@@ -151,7 +160,7 @@ def _open(numbers: Sequence[int], params: DeviceParams, opener: Open) -> list[An
 
 
 def _set_up(number: int, capture: Any, params: DeviceParams) -> None:
-    """Give a device its settings; raises DeviceError for one that it does not take."""
+    """Set exposure and trigger of a device; raise DeviceError for a setting that it does not accept."""
     settings: dict[str, tuple[int, float]] = {}
     if params.exposure:
         units = math.log2(params.exposure) if params.exposure_log2 else params.exposure / 100e-6
@@ -164,7 +173,7 @@ def _set_up(number: int, capture: Any, params: DeviceParams) -> None:
 
 
 def _reopen(numbers: Sequence[int], params: DeviceParams, opener: Open) -> list[Any]:
-    """Open the devices, again and again until it succeeds or `patience` is over."""
+    """Open the devices; try again until they open, or raise DeviceError when `params.patience` is over."""
     end = time.monotonic() + params.patience
     while True:
         try:
@@ -176,7 +185,7 @@ def _reopen(numbers: Sequence[int], params: DeviceParams, opener: Open) -> list[
 
 
 def _cut(image: np.ndarray, region: tuple[int, int, int, int]) -> np.ndarray:
-    """Return the region of an image; raises DeviceError if it is outside."""
+    """Return the part of an image inside a region (left, top, width, height); raise DeviceError if the region is outside the image."""
     left, top, width, height = region
     if not any(region):
         return image

@@ -1,4 +1,4 @@
-"""Sources of the images of two cameras: a folder, videos, a bag, or devices. Each is a generator of images in the order of time."""
+"""Sources of the images of two cameras: a folder, two videos, a bag, or two devices. Each is a generator of images in the order of time."""
 
 from __future__ import annotations
 
@@ -22,55 +22,55 @@ from .devices import DeviceCounts, DeviceParams, grabs
 
 KINDS = ("folder", "video", "bag", "device")
 STAMPED = re.compile(r"(left|right)[_\-/](\d+(?:\.\d+)?)\.(?:png|pgm|tiff?|bmp|jpe?g)$", re.IGNORECASE)
-NANOSECONDS = 1e14  # a whole number above it is a stamp in nanoseconds, below it in seconds: one day after 1970 and three million years
+NANOSECONDS = 1e14  # a whole number above it is a stamp in nanoseconds (later than 2 January 1970), a smaller one is in seconds
 
 
 class SourceError(TtError):
-    """A source that cannot be opened or read."""
+    """Error: a source of images cannot be opened or read."""
 
 
 class NoImages(SourceError):
-    """A source without images of either camera."""
+    """Error: a source has no images of either camera."""
 
 
 class NotAnImage(SourceError):
-    """A file that is no image, or an image of a type that is not known."""
+    """Error: a file is not an image, or an image has pixels of another type than uint8 or uint16."""
 
 
 class CannotOpen(SourceError):
-    """A video, or a device, that cannot be opened."""
+    """Error: a video cannot be opened."""
 
     def __init__(self, source: str) -> None:
-        """Keep the path or number."""
+        """Keep the path of the video."""
         super().__init__(f"cannot open {source!r}")
         self.source = source
 
 
 class MissingSide(SourceError):
-    """Two videos or devices are needed, and one is not given."""
+    """Error: two videos or devices are needed, and at least one is not given."""
 
     def __init__(self, kind: str) -> None:
-        """Keep the kind of the source."""
+        """Keep the kind of the source: "video" or "device"."""
         super().__init__(f"two {kind}s are needed: `path` is the left one, `right` the right one")
         self.kind = kind
 
 
 class NotDeviceNumbers(SourceError):
-    """Devices that are not given by two numbers, or by paths that end in one."""
+    """Error: a device is given neither by a number nor by a path such as /dev/video0."""
 
     def __init__(self, devices: Sequence[str]) -> None:
-        """Keep what was given."""
+        """Keep what was given for the devices."""
         super().__init__(f"devices are two numbers, or paths such as /dev/video0, got {list(devices)}")
         self.devices = list(devices)
 
 
 class StampedImage(NamedTuple):
-    """An image of one of the two cameras.
+    """An image of one of the two cameras, with its time.
 
     Attributes:
-        side: Index in SIDES: 0 left, 1 right.
-        time: s.
-        image: (h, w) uint8 or uint16.
+        side: Which camera, an index in SIDES: 0 left, 1 right.
+        time: Stamp of the image, s.
+        image: (h, w) uint8 or uint16, grey levels.
     """
 
     side: int
@@ -79,13 +79,13 @@ class StampedImage(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """Intrinsics of a camera as camera_info holds them.
+    """Intrinsics of a camera, as a message sensor_msgs/CameraInfo holds them.
 
     Attributes:
-        width: Pixels.
-        height: Pixels.
-        matrix: (3, 3) K, pixels.
-        distortion: (n,) coefficients in the order of OpenCV.
+        width: Of the image, pixels.
+        height: Of the image, pixels.
+        matrix: (3, 3) intrinsic matrix K, pixels.
+        distortion: (n,) distortion coefficients in the order of OpenCV.
     """
 
     width: int
@@ -96,7 +96,7 @@ class Calibration(NamedTuple):
 
 @dataclass(frozen=True)
 class SourceParams:
-    """Where images come from."""
+    """Parameters of the source from which the images of both cameras are read."""
 
     kind: str = param("folder", "", "kind of the source: a folder of images, two videos, a bag, or two devices", choices=KINDS)
     path: str = param("", "", "path of the folder, the bag or the left video, or number of the left device")
@@ -106,23 +106,23 @@ class SourceParams:
     )
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
 
 
 def read_images(
     params: SourceParams, now: Callable[[], float], device: DeviceParams | None = None, counts: DeviceCounts | None = None
 ) -> Generator[StampedImage, None, None]:
-    """Read the images of a source in the order of time.
+    """Return a generator of the images of a source, in the order of time.
 
     Args:
-        params: The source.
-        now: Returns the time, s, that stamps the images of devices.
-        device: How devices are set up.
-        counts: Takes the frames that devices drop.
+        params: Kind and path of the source.
+        now: Returns the present time, s, by which images of devices are stamped; other sources do not use it.
+        device: Settings of devices; None for the defaults.
+        counts: Counts of faults of devices, increased in place; None if they are not wanted.
 
     Raises:
-        SourceError: The source cannot be opened; at the first image.
+        MissingSide: One of the two videos or devices is not given. A source that cannot be read raises its error at the first image.
     """
     if params.kind in ("video", "device") and not (params.path and params.right):
         raise MissingSide(params.kind)
@@ -136,14 +136,20 @@ def read_images(
 
 
 def from_folder(path: Path) -> Generator[StampedImage, None, None]:
-    """Read images named left_TIME.png or left/TIME.png, and likewise of the right camera.
+    """Read the image files of a folder and its subfolders, in the order of time.
+
+    A file of the left camera is named left_TIME.png or left/TIME.png, one of the right camera likewise; the other usual types of image
+    files are read, too. TIME is in nanoseconds if it is a whole number above NANOSECONDS, else in seconds.
 
     Args:
-        path: The folder. TIME is in nanoseconds if it is a whole number above NANOSECONDS, else in seconds.
+        path: The folder.
+
+    Yields:
+        The images of both cameras.
 
     Raises:
-        NoImages: The folder has no such images.
-        NotAnImage: A file cannot be read.
+        NoImages: The folder has no such files.
+        NotAnImage: A file cannot be read as an image.
     """
     found = []
     for file in path.rglob("*"):
@@ -161,11 +167,15 @@ def from_folder(path: Path) -> Generator[StampedImage, None, None]:
 
 
 def from_videos(paths: Sequence[str], frame_rate: float) -> Generator[StampedImage, None, None]:
-    """Read two videos that start together.
+    """Read two videos whose first frames were taken at the same instant, until one of them ends.
 
     Args:
-        paths: Of the left and the right video.
-        frame_rate: 1/s. Frame k is at k / frame_rate whatever the files say, because players cannot show 900 frames a second.
+        paths: Paths of the left and the right video.
+        frame_rate: Frames per second. Frame k is stamped k / frame_rate s. The frame rate in the files is not used, because high speed
+            videos are often stored with a lower one for players.
+
+    Yields:
+        The left and the right image of each frame.
 
     Raises:
         CannotOpen: A video cannot be opened.
@@ -179,18 +189,20 @@ def from_videos(paths: Sequence[str], frame_rate: float) -> Generator[StampedIma
 def from_devices(
     numbers: Sequence[str], now: Callable[[], float], params: DeviceParams, frame_rate: float, counts: DeviceCounts
 ) -> Generator[StampedImage, None, None]:
-    """Read two cameras that the operating system knows; their images are stamped when they are grabbed.
+    """Read two camera devices of the operating system, without end; see `devices.grabs`.
 
     Args:
-        numbers: Of the left and the right device.
-        now: Returns the time, s.
-        params: How the devices are set up.
-        frame_rate: 1/s, to count the frames that they drop.
-        counts: Takes these numbers.
+        numbers: The left and the right device, each a number or a path such as /dev/video0.
+        now: Returns the present time, s, by which images are stamped.
+        params: Settings of the devices.
+        frame_rate: Frames per second, by which dropped frames are counted.
+        counts: Counts of faults, increased in place.
+
+    Yields:
+        The left and the right image of each frame.
 
     Raises:
-        NotDeviceNumbers: `numbers` are no numbers and no paths such as /dev/video0.
-        DeviceError: A device cannot be opened or set up.
+        NotDeviceNumbers: A device is given neither by a number nor by such a path.
     """
     found = [re.fullmatch(r"(?:/dev/video)?(\d+)", number) for number in numbers]
     if not all(found):
@@ -201,7 +213,7 @@ def from_devices(
 
 
 class _Captures:
-    """Frames of several captures taken together, until one ends."""
+    """Iterates over the frames of several videos, one image of each at a time, until one of them ends."""
 
     def __init__(self, sources: Sequence[str]) -> None:
         self._captures = [cv2.VideoCapture(source) for source in sources]
@@ -220,18 +232,16 @@ class _Captures:
 
 
 def from_bag(path: Path) -> Generator[StampedImage, None, None]:
-    """Read the images on /camera/{left,right}/image_raw of a bag.
+    """Read the images on the topics camera/{left,right}/image_raw of a bag (a ROS recording).
 
     Args:
-        path: A bag of any kind that `tt_core.ros.bags` reads.
+        path: A bag in any format that `tt_core.ros.bags` reads.
 
     Yields:
-        Images with the stamps of their messages.
+        The images of both cameras with the stamps in the headers of their messages.
 
     Raises:
-        NoImages: The bag has no images.
-        BagError: The bag cannot be read.
-        BadMessage: An image has an encoding that is not known.
+        NoImages: The bag has no images on these topics.
     """
     from tt_core.ros.convert import image_from_message, seconds  # here, because no other source needs ROS
 
@@ -246,16 +256,22 @@ def from_bag(path: Path) -> Generator[StampedImage, None, None]:
 
 
 def calibrations(path: Path) -> dict[int, Calibration]:
-    """Return the intrinsics in camera/{left,right}/camera_info of a bag, by side. A camera that is not calibrated (K[0] = 0) is left out.
+    """Read the intrinsics of both cameras from the topics camera/{left,right}/camera_info of a bag (a ROS recording).
+
+    Args:
+        path: The bag.
+
+    Returns:
+        The intrinsics by side, 0 left and 1 right. A side without messages is left out; so is a camera that is not calibrated (K[0] = 0).
 
     Raises:
-        TtError: A lens model is not known, or the bag cannot be read.
+        TtError: The bag cannot be read, or its model of the lens distortion is not known.
     """
     return {side: Calibration(*camera_from_message(m)) for side, m in _messages(path, "camera_info") if m.k[0] != 0.0}
 
 
 def _messages(path: Path, kind: str) -> Iterator[tuple[int, Any]]:
-    """Yield the index in SIDES and the message for each message on camera/{left,right}/{kind}."""
+    """Yield the side (0 left, 1 right) and the decoded message for each message of a bag on camera/{left,right}/{kind}."""
     with Bag(path) as bag:
         sides = {bag.find(f"camera/{name}/{kind}"): side for side, name in enumerate(SIDES)}
         for message in bag.messages([topic for topic in sides if topic] or ["none"]):
@@ -263,10 +279,16 @@ def _messages(path: Path, kind: str) -> Iterator[tuple[int, Any]]:
 
 
 def to_grey(image: np.ndarray) -> Image:
-    """Return an image, in OpenCV's colours or grey, as a grey one.
+    """Convert an image to grey levels.
+
+    Args:
+        image: (h, w) grey levels, or (h, w, 3) in OpenCV's order of colours (blue, green, red).
+
+    Returns:
+        (h, w) of the same type.
 
     Raises:
-        NotAnImage: Its type is neither uint8 nor uint16.
+        NotAnImage: The type of the image is neither uint8 nor uint16.
     """
     if image.ndim == 3:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

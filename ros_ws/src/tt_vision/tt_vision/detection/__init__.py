@@ -1,4 +1,4 @@
-"""The ball in an image: its place, its outline and its light."""
+"""Detection of the ball in an image: its position, its outline and the light on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ball in one image: whether it is there, where, and where its middle is (dissertation Section 2.2)."""
+"""Detection of the ball in one image: whether it is there, where, and where its centre is (Section 2.2 of the Nagoya dissertation)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tt_core.states import Array
 from ..capture.burst import BallDetection, Burst, Image
 from .outline import CONTRAST, DEPTH, RAYS, scan_outline
 
-SATURATED = 0.2  # part of the ball at full scale from which shading is lost
-LEAST_RADIUS = 8.0  # pixels, of a ball whose marks can be told apart
-MOST_RADIUS = 300.0  # pixels: to measure a burst takes 0.8 s there, and time rises with the square
-MARGIN = 3.0  # pixels of background wanted around the ball
-FAR_REACH, NEAR_REACH = 0.35, 4.0  # of the radius, and pixels: how far from a circle its outline is scanned for, at first and then
-FAR_STEP = 2  # of so many rays one is scanned at first
-LEAST_POINTS = RAYS // 4  # outline points that a circle needs
+SATURATED = 0.2  # share of the ball's pixels at full scale above which the image counts as saturated, because the shading is lost
+LEAST_RADIUS = 8.0  # pixels; on a smaller ball the marks cannot be told apart
+MOST_RADIUS = 300.0  # pixels; at this radius the measurement of a burst takes 0.8 s, and its time rises with the square of the radius
+MARGIN = 3.0  # pixels of background that must be visible around the ball
+FAR_REACH, NEAR_REACH = 0.35, 4.0  # distance from a circle within which its outline is scanned for: first (of the radius), then (pixels)
+FAR_STEP = 2  # at first only one of this many rays is scanned
+LEAST_POINTS = RAYS // 4  # least number of outline points to which a circle is fitted
 
 
 class DetectionReason(Enum):
-    """Why an image is not used: codes of `tt_core.failures.Failure`."""
+    """Reasons why an image does not show a whole ball that can be used; codes of `tt_core.failures.Failure`."""
 
     BLACK = "black"
     SATURATED = "saturated"
@@ -39,7 +39,7 @@ class DetectionReason(Enum):
 
 
 class NoWholeBall(TtError):
-    """An image does not show a whole ball."""
+    """Error: an image does not show a whole ball."""
 
     def __init__(self, reason: Failure) -> None:
         """Keep the reason, so that a caller can decide on its code."""
@@ -48,20 +48,20 @@ class NoWholeBall(TtError):
 
 
 class Glance(NamedTuple):
-    """What `_glance` measures in an image.
+    """Rough measurements of the bright region in an image, which may be a ball.
 
     Attributes:
-        background: Grey level, the median.
+        background: Grey level of the background, the median of the image.
         peak: Grey level that one pixel in a thousand exceeds.
         top: Highest grey level.
-        at_top: Part of the bright pixels at the highest level.
-        u: Column of the middle of the bright region, pixels.
-        v: Row of the middle of the bright region, pixels.
-        radius: Pixels.
-        left: First column of the bright region; 0 if there is none.
-        right: Last column.
-        upper: First row.
-        lower: Last row.
+        at_top: Share of the pixels of the bright region that have the highest grey level.
+        u: Column of the centre of the bright region, pixels.
+        v: Row of the centre of the bright region, pixels.
+        radius: Radius of a ball that has the area of the bright region, pixels.
+        left: First column of the bright region; 0 if there is no bright region.
+        right: Last column of the bright region.
+        upper: First row of the bright region.
+        lower: Last row of the bright region.
     """
 
     background: float
@@ -78,13 +78,18 @@ class Glance(NamedTuple):
 
 
 def find_ball(image: Image) -> BallDetection:
-    """Find the ball in one image. Takes 30 us, which is cheap enough for every frame of a running camera.
+    """Find the ball in one image.
+
+    This takes 30 us, which is fast enough for every frame of a running camera.
 
     Args:
         image: (h, w) uint8 or uint16, at least 8 x 8.
 
+    Returns:
+        Where the ball is, or why the image does not show a whole ball (`reason`).
+
     Raises:
-        BadShape: The image has another shape.
+        BadShape: The image has another shape or is too small.
         TtError: The image has another type.
     """
     if image.ndim != 2 or min(image.shape) < 8:
@@ -117,23 +122,33 @@ def _refused(code: DetectionReason, **values: float) -> BallDetection:
 
 
 def detect_balls(burst: Burst) -> Burst:
-    """Return the burst with the ball looked for in every image in which that has not been done."""
+    """Find the ball in every image of a burst, except of cameras for which that has been done before.
+
+    Args:
+        burst: The images of one ball's passage through the cameras.
+
+    Returns:
+        The same burst with `detections` complete.
+    """
     rows = burst.detections or ((),) * len(burst.images)
     found = tuple(row or tuple(find_ball(image) for image in stack) for row, stack in zip(rows, burst.images, strict=True))
     return replace(burst, detections=found)
 
 
 def first_reason(burst: Burst) -> Failure | None:
-    """Return why the first image without a whole ball does not show one; None if all images do."""
+    """Return why an image of a burst does not show a whole ball: the reason of the first such image; None if all images show one."""
     return next((one.reason for row in burst.detections for one in row if one.reason), None)
 
 
 def whole_balls(burst: Burst, most: int) -> tuple[Burst, dict[DetectionReason, int]]:
-    """Return the last frames that show the whole ball in all their images, and how many frames do not, by reason.
+    """Select the frames of a burst that show the whole ball in all their images.
 
     Args:
-        burst: A burst with detections.
-        most: Largest number of frames that are returned.
+        burst: A burst (the images of one ball's passage) with detections.
+        most: Largest number of frames to keep; of more, the last ones are kept.
+
+    Returns:
+        The burst of these frames, and the number of frames that do not show the whole ball, by reason.
     """
     reasons = [next((one.reason for one in frame if one.reason), None) for frame in zip(*burst.detections, strict=True)]
     good = [k for k, reason in enumerate(reasons) if reason is None][-most:]
@@ -141,18 +156,18 @@ def whole_balls(burst: Burst, most: int) -> tuple[Burst, dict[DetectionReason, i
 
 
 def ball_centre(image: Image, *, radius: float | None = None) -> Array:
-    """Return the middle of the ball's outline in one image: of the circle that fits the outline best, outliers left out.
+    """Find the centre of the ball in one image: that of the circle that fits the ball's outline best, without outliers.
 
     Args:
         image: (h, w) uint8 or uint16.
-        radius: Of the ball, pixels; fitted if None.
+        radius: Radius of the ball in the image, pixels; None if it is to be fitted, too.
 
     Returns:
-        (2,) pixel.
+        (2,) pixels, column and row of the centre.
 
     Raises:
         NoWholeBall: No whole ball is in view.
-        TtError: The ball has no outline.
+        TtError: Too few points of an outline were found.
     """
     seen = find_ball(image)
     if seen.reason is not None:
@@ -165,15 +180,20 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
 
 @njit(cache=True, nogil=True)
 def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -> np.ndarray:
-    """Fit a circle to the ball's outline in an image, and return the outline points (n,) OUTLINE_POINT close to it.
+    """Fit a circle to the ball's outline in an image, and return the points of the outline.
 
-    If the fitted circle leaves the ring that was scanned, the points do not lie on a circle, and none are returned.
+    The outline is scanned twice: far around the given circle, then close to the circle that was fitted first.
 
     Args:
         image: (h, w) uint8 or uint16.
-        circle: (3,) u, v and radius, pixels; it takes the result, unless there are too few points.
-        contrast: Grey levels between the background and the brightest part of the ball.
-        free: Whether the radius is fitted.
+        circle: (3,) column u and row v of the centre, and radius, pixels: a rough circle, which is replaced in place by the fitted one. It
+            stays as it is if too few points are found.
+        contrast: Difference in grey levels between the brightest part of the ball and the background.
+        free: Whether the radius is fitted, too; if not, it stays as given.
+
+    Returns:
+        (n,) array of dtype OUTLINE_POINT with `camera` and `frame` 0: the points of the last scan. It is empty if the fitted circle lies
+        outside the ring that was scanned, because then the points do not lie on a circle.
     """
     for reach, step in ((FAR_REACH * circle[2], FAR_STEP), (NEAR_REACH, 1)):
         points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast, step)
@@ -189,7 +209,13 @@ def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -
 
 @njit(cache=True, nogil=True)
 def _fit_circle(points: np.ndarray, circle: Array, free: bool) -> None:
-    """Fit a circle (u, v, radius), in place, to outline points by Gauss-Newton with Tukey's weights. free: whether the radius is fitted."""
+    """Fit a circle to outline points by Gauss-Newton with Tukey's weights.
+
+    Args:
+        points: (n,) OUTLINE_POINT.
+        circle: (3,) u, v and radius, pixels, where the fit starts; changed in place.
+        free: Whether the radius is fitted, too.
+    """
     for _ in range(8):
         du, dv = points["u"] - circle[0], points["v"] - circle[1]
         distance = np.sqrt(du * du + dv * dv)
@@ -203,7 +229,7 @@ def _fit_circle(points: np.ndarray, circle: Array, free: bool) -> None:
 
 @njit(cache=True, nogil=True)
 def _glance(image: np.ndarray) -> Glance:
-    """Look at every second pixel of every second row; the box is that of the bright region around the median bright pixel."""
+    """Measure the bright region around the median bright pixel of an image, in every second pixel of every second row."""
     height, width = image.shape
     top = 0
     for v in range(0, height, 2):
@@ -240,7 +266,7 @@ def _glance(image: np.ndarray) -> Glance:
     if bright == 0:
         return Glance(background * scale, peak * scale, float(top), 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0)
     middle_u, middle_v = _median(columns), _median(rows)
-    radius = 1.15 * math.sqrt(4.0 * bright / math.pi)  # a quarter of the disc is marked or in shadow
+    radius = 1.15 * math.sqrt(4.0 * bright / math.pi)  # 1.15, because a quarter of the disc is dark: marks or shadow
     reach = 1.5 * radius + 2.0
     u0, u1, v0, v1 = width, 0, height, 0
     count, at_top = 0, 0
@@ -259,7 +285,7 @@ def _glance(image: np.ndarray) -> Glance:
 
 @njit(cache=True, nogil=True)
 def _median(counts: np.ndarray) -> int:
-    """Return the median of numbers 0, 1, ... that occur `counts` times."""
+    """Return the median of a histogram, in which the number i occurs `counts[i]` times."""
     half, seen, i = counts.sum() // 2, 0, 0
     while seen + counts[i] <= half and i < len(counts) - 1:
         seen += counts[i]

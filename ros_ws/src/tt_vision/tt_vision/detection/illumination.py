@@ -1,4 +1,8 @@
-"""How bright a white ball would be in each pixel: light that is fitted to the burst itself, or that comes from calibrated lamps."""
+"""The light on the ball: how bright a white ball would be in each pixel.
+
+The light is fitted to the images of a burst (the images of one ball's passage through the high speed cameras), or computed from calibrated
+lamps. "Marks" are the printed or drawn dots on the ball. Grey levels are counted from the background.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +19,12 @@ from tt_core.states import Array
 
 from ..camera import Camera
 
-LIMB = 0.30  # cosine to the line of sight below which a pixel is not used: two pixels inside the outline
-WHITE = 0.85  # of the fitted light: darker pixels are marks
-HARMONICS = 16  # spherical harmonics up to third order; the second holds 99 % of diffuse light (Ramamoorthi, Hanrahan 2001), not gloss
-GLOSS = 4  # harmonics of what gloss adds: a constant and a slope
-GLOSS_RIDGE = 1e-4  # of the light's weight in the fit, that keeps gloss at zero where the marks do not tell it from light
-LIGHT_STEPS = 6  # of the fit, each leaving out more of the marks
+LIMB = 0.30  # cosine between normal and line of sight below which a pixel is not used; it is reached two pixels inside the outline
+WHITE = 0.85  # share of the fitted light; darker pixels are taken as marks
+HARMONICS = 16  # spherical harmonics up to third order; those up to second order hold 99 % of diffuse light (Ramamoorthi, Hanrahan 2001)
+GLOSS = 4  # coefficients of the light that gloss adds: a constant and a slope
+GLOSS_RIDGE = 1e-4  # weight, relative to the light's in the fit, that keeps gloss at zero where the marks cannot tell it from light
+LIGHT_STEPS = 6  # iterations of the fit; each leaves out more of the marks
 
 NORMAL = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("cosine", "f4")])
 """Outward unit normal of the ball in a pixel, in the camera's frame but with z towards the camera, and its cosine to the line of sight.
@@ -34,18 +38,19 @@ LAMP = np.dtype([("x", "f8"), ("y", "f8"), ("z", "f8"), ("strength", "f8")])
 
 @dataclass(frozen=True, eq=False)
 class CalibratedLamps:
-    """Lamps whose places and strengths were measured.
+    """Lamps whose positions and strengths have been measured.
 
-    A lamp that is not where it is said to be does more harm (23 to 42 rpm) than light that is fitted to each burst.
+    If the position of a lamp is wrong, the spin has larger errors (23 to 42 rpm) than with light that is fitted to each burst.
 
     Attributes:
         positions: (n, 3) m in `table`.
-        strengths: (n,), the light at 1 m on a surface that faces the lamp; it falls with the square of the distance. Only ratios count.
-        ambient: Light from everywhere, in the same unit.
+        strengths: (n,) brightness of a white surface that faces the lamp at a distance of 1 m, in any unit, because only ratios count. It
+            falls with the square of the distance.
+        ambient: Brightness of a white surface by light that comes from all directions, in the same unit.
 
     Raises:
-        BadShape: There are not as many positions as strengths.
-        OutOfRange: A strength is negative.
+        BadShape: There are not as many strengths as positions.
+        OutOfRange: A strength or `ambient` is negative.
     """
 
     positions: Array
@@ -60,7 +65,7 @@ class CalibratedLamps:
         check_range("ambient", self.ambient, 0.0, math.inf)
 
     def seen_by(self, cameras: Sequence[Camera]) -> np.ndarray:
-        """Return the lamps in the frame of each camera, (cameras, n) LAMP."""
+        """Return the lamps in the frames of the cameras, a (cameras, n) array of dtype LAMP."""
         lamps = np.zeros((len(cameras), len(self.positions)), dtype=LAMP)
         for row, camera in zip(lamps, cameras, strict=True):
             row["x"], row["y"], row["z"] = (self.positions @ camera.rotation.T + camera.translation).T
@@ -69,14 +74,15 @@ class CalibratedLamps:
 
 
 class Illumination(NamedTuple):
-    """What lights the ball in the images of a burst.
+    """The light on the ball in all images of a burst, either as a fitted function of the ball's normal or as calibrated lamps.
 
     Attributes:
-        harmonics: (cameras, 16) grey levels of a white ball by its normal, coefficients of `polynomials`; 0 where lamps are calibrated.
-        gloss: (cameras, 4), coefficients of what shines from marks and white alike.
-        gains: (images,), factor of each image, because lamps flicker.
-        lamps: (cameras, n) LAMP of calibrated lamps; n = 0 without.
-        ambient: Light from everywhere, of calibrated lamps.
+        harmonics: (cameras, 16) coefficients of `polynomials` of the normal; their sum is the grey level of a white ball. All are 0 if the
+            lamps are calibrated.
+        gloss: (cameras, 4) coefficients of 1, x, y and z of the normal; their sum is the grey level that gloss adds, to marks as to white.
+        gains: (images,) factor on the brightness of each image, because lamps flicker.
+        lamps: (cameras, n) LAMP, calibrated lamps in the frame of each camera; n = 0 if the lamps are not calibrated.
+        ambient: Light from all directions, as in `CalibratedLamps`.
     """
 
     harmonics: Array
@@ -87,12 +93,19 @@ class Illumination(NamedTuple):
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether the lamps are calibrated."""
+        """Whether this is the light of calibrated lamps."""
         return self.lamps.shape[1] > 0
 
 
 class CameraLight(NamedTuple):
-    """The light of an Illumination in the images of one camera."""
+    """The light on the ball in the images of one camera; the attributes are those of `Illumination` for this camera.
+
+    Attributes:
+        harmonics: (16,) coefficients of `polynomials`.
+        gloss: (4,) coefficients of gloss.
+        lamps: (n,) LAMP, in the camera's frame.
+        ambient: Light from all directions.
+    """
 
     harmonics: Array
     gloss: Array
@@ -101,11 +114,13 @@ class CameraLight(NamedTuple):
 
 
 def fit_illumination(stack: np.ndarray, normals: np.ndarray, cameras: int) -> Illumination:
-    """Return the light that fits the images of a ball of which most is white. Every second pixel of every second row is used.
+    """Fit the light to images of a ball that is mostly white; pixels that are too dark are left out as marks.
+
+    Every second pixel of every second row is used.
 
     Args:
-        stack: (images, size, size) float32 grey levels over the background, camera by camera.
-        normals: (images, size, size) NORMAL.
+        stack: (images, size, size) float32 grey levels over the background, all images of the first camera first.
+        normals: (images, size, size) NORMAL, the ball's normal in each pixel.
         cameras: Number of cameras.
     """
     harmonics, gains = _fit(stack, normals, cameras)
@@ -115,14 +130,14 @@ def fit_illumination(stack: np.ndarray, normals: np.ndarray, cameras: int) -> Il
 def lamp_illumination(
     stack: np.ndarray, normals: np.ndarray, centres: Array, cameras: Sequence[Camera], lamps: CalibratedLamps
 ) -> Illumination:
-    """Return the light of calibrated lamps, with the gain of each image.
+    """Return the light of calibrated lamps, with the gain (brightness factor) of each image, which is estimated from the image.
 
     Args:
-        stack: (images, size, size) float32 grey levels over the background, camera by camera.
-        normals: (images, size, size) NORMAL.
+        stack: (images, size, size) float32 grey levels over the background, all images of the first camera first.
+        normals: (images, size, size) NORMAL, the ball's normal in each pixel.
         centres: (images, 3) m, the ball's centre in the camera's frame.
-        cameras: Who took the images.
-        lamps: The lamps.
+        cameras: The cameras that took the images.
+        lamps: The calibrated lamps.
     """
     light = Illumination(
         np.zeros((len(cameras), HARMONICS)),
@@ -135,13 +150,14 @@ def lamp_illumination(
 
 
 def refit_illumination(light: Illumination, stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray) -> Illumination:
-    """Return the light, and the gloss, that fit the images best now that the marks are known. Calibrated lamps stay as they are.
+    """Fit light and gloss to the images again, once the marks on the ball are known. Light of calibrated lamps is returned unchanged.
 
     Args:
-        light: The light so far.
+        light: The light so far; its gains are kept.
         stack: (images, size, size) float32 grey levels over the background.
-        normals: (images, size, size) NORMAL.
-        albedo: (images, size, size) float32, brightness of the surface, white is 1; 0 where it is not known.
+        normals: (images, size, size) NORMAL, the ball's normal in each pixel.
+        albedo: (images, size, size) float32, brightness of the ball's surface in each pixel without the effect of light: 1 for white, less
+            for marks, 0 where it is not known.
     """
     if light.is_calibrated:
         return light
@@ -151,13 +167,13 @@ def refit_illumination(light: Illumination, stack: np.ndarray, normals: np.ndarr
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def image_gain(stack: np.ndarray, normals: np.ndarray, harmonics: Array, gain: float) -> float:
-    """Return the gain of one more image of a camera whose light has been fitted.
+    """Estimate the gain (brightness factor) of one further image of a camera for which the light has been fitted.
 
     Args:
-        stack: (size, size) float32 grey levels over the background.
-        normals: (size, size) NORMAL.
-        harmonics: (16,), the light of the camera.
-        gain: Of the image before.
+        stack: (size, size) float32 grey levels of the image over the background.
+        normals: (size, size) NORMAL, the ball's normal in each pixel.
+        harmonics: (16,) coefficients of the light of this camera.
+        gain: Gain of the image before, which tells marks from white; it is returned if no pixel is white.
     """
     above, under, size = 0.0, 1e-9, len(stack)
     light = CameraLight(harmonics, harmonics[:GLOSS], np.zeros(0, dtype=LAMP), 0.0)
@@ -174,22 +190,25 @@ def image_gain(stack: np.ndarray, normals: np.ndarray, harmonics: Array, gain: f
 
 @njit(cache=True, nogil=True, forceinline=True)
 def camera_light(light: Illumination, c: int) -> CameraLight:
-    """Return the light in the images of camera c."""
+    """Return the light in the images of the camera with index c."""
     return CameraLight(light.harmonics[c], light.gloss[c], light.lamps[c], light.ambient)
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def white_level(x: float, y: float, z: float, cx: float, cy: float, cz: float, light: CameraLight) -> float:
-    """Return the grey level, before the gain and without gloss, of a white ball.
+    """Return the grey level of a white ball at one place of its surface, without the gain of the image and without gloss.
+
+    The outward unit normal of the place is (x, y, -z) in the camera's frame, as in NORMAL. The ball's centre matters only for calibrated
+    lamps.
 
     Args:
-        x: Of the outward unit normal (x, y, -z) in the camera's frame; so are `y` and `z`.
-        y: See `x`.
-        z: See `x`.
-        cx: Of the ball's centre (cx, cy, cz) m in the camera's frame; so are `cy` and `cz`.
-        cy: See `cx`.
-        cz: See `cx`.
-        light: Of the camera.
+        x: First component of the normal.
+        y: Second component of the normal.
+        z: Third component of the normal, positive towards the camera.
+        cx: m, x coordinate of the ball's centre in the camera's frame.
+        cy: m, y coordinate of the ball's centre.
+        cz: m, z coordinate of the ball's centre.
+        light: The light in the images of the camera.
     """
     if len(light.lamps) == 0:
         h = light.harmonics
@@ -207,14 +226,21 @@ def white_level(x: float, y: float, z: float, cx: float, cy: float, cz: float, l
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def gloss_level(x: float, y: float, z: float, light: CameraLight) -> float:
-    """Return the grey level, before the gain, that gloss adds where the outward unit normal is (x, y, -z) in the camera's frame."""
+    """Return the grey level that gloss adds at one place of the ball's surface, without the gain of the image.
+
+    Args:
+        x: First component of the outward unit normal (x, y, -z) in the camera's frame.
+        y: Second component of the normal.
+        z: Third component of the normal, positive towards the camera.
+        light: The light in the images of the camera.
+    """
     g = light.gloss
     return g[0] + x * g[1] + y * g[2] + z * g[3]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gains(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illumination) -> Array:
-    """Return the gain (images,) of each image: the median of its grey levels over the light of the lamps."""
+    """Return the gain (images,) of each image: the median ratio of its grey levels to those that a white ball would have."""
     images, size, cameras = stack.shape[0], stack.shape[1], len(light.lamps)
     gains, ratios = np.ones(images), np.empty(size * size)
     for m in range(images):
@@ -235,7 +261,7 @@ def _gains(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illumi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def polynomials(x: float, y: float, z: float, out: Array) -> None:
-    """Fill `out` (16,) with the polynomials of a unit normal that span the spherical harmonics up to third order."""
+    """Fill `out` (16,) with the polynomials of a unit normal (x, y, z) that span the spherical harmonics up to third order."""
     out[0], out[1], out[2], out[3] = 1.0, x, y, z
     out[4], out[5], out[6], out[7], out[8] = x * y, y * z, z * x, x * x, y * y
     out[9], out[10], out[11], out[12] = x * x * x, x * x * y, x * y * y, y * y * y
@@ -244,7 +270,11 @@ def polynomials(x: float, y: float, z: float, out: Array) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, Array]:
-    """Return the light (cameras, 16) on a white surface by its normal, and the gain (images,) of each image; marks are left out."""
+    """Fit the light to images of a mostly white ball; see `fit_illumination` for the arguments.
+
+    Returns:
+        The coefficients (cameras, 16) of the light, and the gain (images,) of each image.
+    """
     images, size = stack.shape[0], stack.shape[1]
     frames = images // cameras
     light, gains = np.zeros((cameras, HARMONICS)), np.ones(images)
@@ -286,7 +316,11 @@ def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, A
 
 @njit(cache=True, nogil=True)
 def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, gains: Array, cameras: int) -> tuple[Array, Array]:
-    """Return the light (cameras, 16) and the gloss (cameras, 4) with which the marks give the images best, where `albedo` is known."""
+    """Fit light and gloss to images of a ball whose marks are known; see `refit_illumination` for the arguments.
+
+    Returns:
+        The coefficients of the light (cameras, 16) and of the gloss (cameras, 4).
+    """
     images, size = stack.shape[0], stack.shape[1]
     frames, both = images // cameras, HARMONICS + GLOSS
     light, gloss, h = np.zeros((cameras, HARMONICS)), np.zeros((cameras, GLOSS)), np.empty(HARMONICS)
@@ -315,7 +349,7 @@ def _fit_to_marks(stack: np.ndarray, normals: np.ndarray, albedo: np.ndarray, ga
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _products(columns: Array, factors: Array, n: int) -> Array:
-    """Return factors (p,) times the first n entries of the columns (p, most), (n,)."""
+    """Return the sums (n,) over p of factors (p,) times columns (p, most), for the first n entries."""
     out = np.zeros(n)
     for p in range(len(factors)):
         for i in range(n):
@@ -325,7 +359,17 @@ def _products(columns: Array, factors: Array, n: int) -> Array:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _normal_equations(columns: Array, gain: Array, values: Array, n: int) -> tuple[Array, Array]:
-    """Return the normal matrix (p, p) and right side (p,) of the first n equations gain * columns = values; columns: (p, most)."""
+    """Return the normal equations of linear least squares for p unknowns.
+
+    Args:
+        columns: (p, most) coefficients of the unknowns, one column of the design matrix after the other.
+        gain: (most,) factor of each equation.
+        values: (most,) right side of each equation: gain * (columns^T x) = values.
+        n: Number of equations that are used, from the first on.
+
+    Returns:
+        The normal matrix (p, p) and the right side (p,).
+    """
     unknowns = len(columns)
     scaled, a, b = columns[:, :n] * gain[:n], np.empty((unknowns, unknowns)), np.empty(unknowns)
     for p in range(unknowns):

@@ -1,7 +1,8 @@
-"""Correction of lens distortion: a burst is resampled, around the ball, as a camera without distortion would see it.
+"""Correction of lens distortion: the images of a burst are resampled around the ball, as a camera without distortion would see them.
 
-The kernels of the measurement undo little distortion, which the narrow views of the high speed cameras have. Every model of OpenCV is
-undone here by OpenCV, once for each burst.
+A burst holds the images of one ball's passage through the high speed cameras. The compiled functions of the measurement correct only a
+small distortion of OpenCV's basic model, as the narrow views of these cameras have. Any other distortion is corrected here by OpenCV, once
+for each burst.
 """
 
 from __future__ import annotations
@@ -21,38 +22,44 @@ from ..camera import Camera
 from ..capture.burst import BallDetection, Burst
 from .ball_detection import MARGIN
 
-COUNTS = (4, 5, 8, 12, 14)  # coefficients of OpenCV's models
-LITTLE = 1.0  # pixels, a shift that the kernels of the measurement undo themselves when it has the form of plumb_bob
-SQUARE = 0.01  # pixels, by which the mean of the two focal lengths may miss a pixel of the image
-INVERSE = 0.01  # pixels, by which OpenCV's inverse may miss a pixel of the image
-ROOM = 0.5  # radii around a ball that are resampled with it: where it is is known roughly only
-GRID = 9  # points along each side of the image at which a lens is checked
+COUNTS = (4, 5, 8, 12, 14)  # numbers of coefficients of OpenCV's distortion models
+LITTLE = 1.0  # pixels, largest shift of a pixel by the model plumb_bob that the functions of the measurement correct themselves
+SQUARE = 0.01  # pixels, largest error anywhere in the image if both focal lengths are replaced by their mean
+INVERSE = 0.01  # pixels, largest error anywhere in the image of OpenCV's inverse of the distortion
+ROOM = 0.5  # of the radius: width of the ring around a ball that is resampled with it, because its position is known only roughly
+GRID = 9  # number of points along each side of the image at which a lens is checked
 _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
 
 class CannotUndistort(TtError):
-    """A distortion that cannot be undone everywhere in the image."""
+    """Error: a lens distortion cannot be inverted everywhere in the image."""
 
     def __init__(self, distortion: Array, pixel: Array, off: float) -> None:
-        """Keep the distortion, the worst pixel, and by how many pixels it is missed."""
+        """Keep the values.
+
+        Args:
+            distortion: (n,) coefficients.
+            pixel: (2,) pixels, where the inverse has its largest error.
+            off: This error, pixels.
+        """
         super().__init__(f"distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels")
         self.distortion, self.pixel, self.off = distortion, pixel, off
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """Intrinsics of a camera with any distortion of OpenCV's standard model.
+    """Intrinsics of a camera whose lens may have any distortion that OpenCV's standard model describes.
 
     Attributes:
-        matrix: (3, 3) K in pixels, without skew.
-        distortion: (n,) in the order of OpenCV, n one of COUNTS.
-        width: Pixels.
-        height: Pixels.
+        matrix: (3, 3) intrinsic matrix K, pixels, without skew.
+        distortion: (n,) coefficients in the order of OpenCV, n one of COUNTS.
+        width: Of the image, pixels.
+        height: Of the image, pixels.
 
     Raises:
         BadShape: An array has the wrong shape.
-        OutOfRange: The focal lengths differ by more than a factor of two.
-        CannotUndistort: The distortion cannot be undone everywhere in the image.
+        OutOfRange: The two focal lengths differ by more than a factor of two.
+        CannotUndistort: The distortion cannot be inverted everywhere in the image.
     """
 
     matrix: Array
@@ -61,7 +68,7 @@ class Lens:
     height: int
 
     def __post_init__(self) -> None:
-        """Copy the arrays and refuse what cannot be undone."""
+        """Copy and check the arrays, and check that the distortion can be inverted everywhere in the image."""
         object.__setattr__(self, "matrix", check_array("matrix", self.matrix, (3, 3)))
         object.__setattr__(self, "distortion", check_array("distortion", self.distortion, (-1,)))
         if len(self.distortion) not in COUNTS:
@@ -75,26 +82,29 @@ class Lens:
 
     @property
     def focal_pixels(self) -> float:
-        """The mean of both focal lengths, pixels."""
+        """The mean of the two focal lengths, pixels."""
         return 0.5 * float(self.matrix[0, 0] + self.matrix[1, 1])
 
     def directions(self, pixels: Array) -> Array:
-        """Return the directions (n, 3), with z = 1, of pixels (n, 2) in the camera's frame."""
+        """Return the rays through pixels (n, 2) as directions (n, 3) with z = 1 in the camera's frame, with the distortion undone."""
         across = cv2.undistortPoints(pixels[:, None], self.matrix, self.distortion, criteria=_PRECISE)[:, 0]
         return np.column_stack([across, np.ones(len(pixels))])
 
     def project(self, points: Array) -> Array:
-        """Return the pixels (n, 2) of points (n, 3) in the camera's frame."""
+        """Return the pixels (n, 2) at which points (n, 3) in the camera's frame are seen; their unit does not matter."""
         return np.asarray(cv2.projectPoints(points, np.zeros(3), np.zeros(3), self.matrix, self.distortion)[0][:, 0], dtype=np.float64)
 
     def _grid(self) -> Array:
-        """Return pixels (GRID^2, 2) spread over the image."""
+        """Return a grid of pixels (GRID^2, 2) that covers the image."""
         u, v = np.meshgrid(np.linspace(0.0, self.width - 1.0, GRID), np.linspace(0.0, self.height - 1.0, GRID))
         return np.column_stack([u.ravel(), v.ravel()])
 
     @cached_property
     def is_nearly_straight(self) -> bool:
-        """Whether `camera` is exact and its distortion shifts no pixel by more than LITTLE."""
+        """Whether the lens has so little distortion that images need not be resampled.
+
+        It holds if the method `camera` is exact and the distortion shifts no pixel of the image by more than LITTLE.
+        """
         pixels, focal = self._grid(), self.matrix[[0, 1], [0, 1]]
         offsets = pixels - self.matrix[:2, 2]
         stretched = np.abs(offsets * (self.focal_pixels / focal - 1.0)).max()
@@ -102,7 +112,13 @@ class Lens:
         return bool(stretched <= SQUARE and shifted <= LITTLE and not self.distortion[5:].any())
 
     def camera(self, pose: Camera) -> Camera:
-        """Return these intrinsics at the pose of another camera. Exact where the lens is nearly straight."""
+        """Return a camera with these intrinsics at the pose of another camera.
+
+        It is exact only if `is_nearly_straight`, because a `Camera` has one focal length and at most five distortion coefficients.
+
+        Args:
+            pose: Camera that gives the pose and the pixel size; its other intrinsics are not used.
+        """
         return replace(
             pose,
             focal_length=self.focal_pixels * pose.pixel_size,
@@ -113,18 +129,18 @@ class Lens:
         )
 
     def resampled(self, images: np.ndarray, detections: Sequence[BallDetection], pose: Camera) -> tuple[np.ndarray, Camera]:
-        """Return the images as a camera without distortion would see them that stands in the same place and is turned towards the ball.
+        """Resample images as a camera without distortion would see them, which stands at the same place and is turned towards the ball.
 
         Args:
             images: (k, h, w) uint8 or uint16.
-            detections: Where the ball is in each of them.
-            pose: The camera's pose; its intrinsics do not count.
+            detections: Where the ball is in each image.
+            pose: Camera that gives the pose and the pixel size; its other intrinsics are not used.
 
         Returns:
-            Images (k, h', w') of the region around the ball, and their camera.
+            Images (k, h', w') of the region that contains the ball in all images, and the camera that sees them.
 
         Raises:
-            OutOfRange: The region is larger than MOST_PIXELS.
+            OutOfRange: The region is wider or higher than MOST_PIXELS.
         """
         square = np.array([(a, b) for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)])
         around = [(ball.u, ball.v) + ((1.0 + ROOM) * ball.radius + MARGIN) * square for ball in detections]
@@ -145,17 +161,18 @@ class Lens:
 
 
 def straighten(burst: Burst, lenses: Sequence[Lens], poses: Sequence[Camera]) -> Burst:
-    """Return a burst that is taken by cameras with little distortion.
+    """Correct the lens distortion of a burst: return it as images of cameras with little or no distortion.
 
-    Images through a nearly straight lens stay as they are. Others are resampled, and the ball has to be looked for in them again.
+    Images of a lens with little distortion (`Lens.is_nearly_straight`) stay as they are. Others are resampled, and their detections are
+    removed, because the ball has to be found in them again.
 
     Args:
-        burst: A burst with detections, of which every image shows the whole ball.
+        burst: A burst (the images of one ball's passage) with detections, in which every image shows the whole ball.
         lenses: The lens of each camera.
-        poses: The pose of each camera; its intrinsics do not count.
+        poses: For each camera a `Camera` that gives its pose and pixel size; the other intrinsics are not used.
 
     Raises:
-        OutOfRange: The region around the ball is larger than MOST_PIXELS.
+        OutOfRange: The region around the ball is wider or higher than MOST_PIXELS.
     """
     images, cameras, detections = list[np.ndarray](), list[Camera](), list[tuple[BallDetection, ...]]()
     for stack, found, lens, pose in zip(burst.images, burst.detections, lenses, poses, strict=True):

@@ -1,7 +1,8 @@
-"""Points on the outline of the ball in one image: rays from the ball's middle are scanned from outside inwards for the edge.
+"""Points on the outline of the ball in one image: rays from the ball's centre are scanned from outside inwards for the edge of the ball.
 
-The edge is where the brightness rises to half of what the ball has just inside. How bright it is there is extrapolated from the pixels
-further inside (`scan_outline`), or expected from marks and light that are known (`limb_refinement`); both share the kernels here.
+The edge is where the brightness rises to half of the brightness of the ball just inside the edge. That brightness is extrapolated from the
+pixels further inside (`scan_outline`), or computed from the light and from the ball's marks, the printed or drawn dots on it, once these
+are known (`spin.limb_refinement`). Both methods share the compiled functions of this module.
 """
 
 from __future__ import annotations
@@ -16,27 +17,27 @@ from tt_core.states import Array
 RAYS = 64  # outline points looked for in one image
 SAMPLE_STEP = 0.5  # pixels between two samples along a ray
 BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves by 0.02 pixels when this is off by 0.3
-SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light that divides its weight by four: a mark
+SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light, as by a mark, that divides a point's weight by four
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
-DEPTH = 0.25  # threshold between background and brightest part of the ball, relative
+DEPTH = 0.25  # threshold between the background (0) and the brightest part of the ball (1)
 
 INSIDE = (1.5, 6.0)  # pixels inside the edge between which the brightness is extrapolated
-INSIDE_SAMPLES = 12  # samples of a ray that lie inside the innermost edge, for INSIDE
-EDGE_COSINE = 0.4  # cosine to the line of sight at which the brightness of the edge is taken
-LEAST_BRIGHTNESS = 0.15  # of the ball's contrast, that the edge must have just inside
+INSIDE_SAMPLES = 12  # samples of a ray inside the innermost possible edge, as many as INSIDE needs
+EDGE_COSINE = 0.4  # cosine between the ball's normal and the line of sight at which the brightness near the edge is taken
+LEAST_BRIGHTNESS = 0.15  # least brightness just inside the edge, relative to the ball's contrast
 
 OUTLINE_POINT = np.dtype([("camera", "i8"), ("frame", "i8"), ("u", "f8"), ("v", "f8"), ("weight", "f8")])
 """A point on an outline: in the image of which camera and frame, the pixel, and its weight from 0 to 1."""
 
 
 class Inside(NamedTuple):
-    """Brightness just inside an edge, linear in the cosine to the line of sight.
+    """Brightness of the ball just inside its edge along one ray: a linear fit over the cosine between the normal and the line of sight.
 
     Attributes:
-        samples: Number of samples that it rests on; with fewer than 4 the others are 0.
-        level: Grey levels over the background at the edge, where the cosine is 0.
-        slope: Grey levels, rise to where the cosine is 1.
-        ragged: Root mean square of the residuals, relative to the brightness at EDGE_COSINE.
+        samples: Number of samples of the fit; if it is less than 4, the other attributes are 0.
+        level: Brightness at the edge, where the cosine is 0, in grey levels over the background.
+        slope: Increase in grey levels from there to where the cosine is 1.
+        ragged: Root mean square residual of the fit, relative to the brightness at EDGE_COSINE.
     """
 
     samples: int
@@ -47,7 +48,7 @@ class Inside(NamedTuple):
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def bilinear(image: np.ndarray, u: float, v: float) -> float:
-    """Return the grey level at (u, v), which must be inside the image; not validated."""
+    """Return the grey level at column u and row v by bilinear interpolation; the point must be inside the image, which is not checked."""
     i, j = int(u), int(v)
     a, b = u - i, v - j
     return (1.0 - b) * ((1.0 - a) * image[j, i] + a * image[j, i + 1]) + b * ((1.0 - a) * image[j + 1, i] + a * image[j + 1, i + 1])
@@ -55,16 +56,24 @@ def bilinear(image: np.ndarray, u: float, v: float) -> float:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def ray_direction(k: int) -> tuple[float, float]:
-    """Return the unit direction, in the image, of ray k of RAYS."""
+    """Return the unit direction (u, v) in the image of ray number k of RAYS."""
     return math.cos(2.0 * math.pi * k / RAYS), math.sin(2.0 * math.pi * k / RAYS)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sample_ray(image: np.ndarray, u: float, v: float, k: int, outer: float, profile: Array) -> bool:
-    """Sample ray k from (u, v): `profile[i]` becomes the grey level `outer - SAMPLE_STEP i` pixels from there.
+    """Sample the grey levels along one ray from the ball's centre, from outside inwards.
+
+    Args:
+        image: (h, w) uint8 or uint16.
+        u: Column of the ball's centre, pixels.
+        v: Row of the ball's centre, pixels.
+        k: Number of the ray, 0 to RAYS - 1.
+        outer: Distance of the first sample from the centre, pixels.
+        profile: (n,) is filled: `profile[i]` is the grey level at `outer - SAMPLE_STEP * i` pixels from the centre.
 
     Returns:
-        Whether the ray is in the image as far as `outer`; if not, `profile` is left as it is.
+        Whether the ray is inside the image as far as `outer`; if not, `profile` stays as it is.
     """
     height, width = image.shape
     du, dv = ray_direction(k)
@@ -78,43 +87,57 @@ def sample_ray(image: np.ndarray, u: float, v: float, k: int, outer: float, prof
 
 @njit(cache=True, nogil=True, forceinline=True)
 def background_behind(profile: Array) -> float:
-    """Return the background on this ray, from its outermost samples; it may be unlike that elsewhere."""
+    """Return the grey level of the background next to the ball on one ray: the mean of its four outermost samples."""
     return 0.25 * (profile[0] + profile[1] + profile[2] + profile[3])
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def crossing(profile: Array, i: int, threshold: float, outer: float) -> float:
-    """Return where, in pixels from the middle, the profile rises to `threshold` between samples i - 1 and i."""
+    """Find where the brightness along a ray rises to a threshold between two neighbouring samples, by linear interpolation.
+
+    Args:
+        profile: (n,) grey levels along the ray, see `sample_ray`.
+        i: Index of the inner one of the two samples; the other one is i - 1.
+        threshold: Grey level.
+        outer: Distance of the first sample from the ball's centre, pixels.
+
+    Returns:
+        Distance from the ball's centre, pixels.
+    """
     return outer - SAMPLE_STEP * (i - (profile[i] - threshold) / (profile[i] - profile[i - 1]))
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def point_weight(brightness: float, contrast: float, ragged: float) -> float:
-    """Return the weight of an outline point.
+    """Return the weight of an outline point, 0 to 1.
 
     Args:
-        brightness: Grey levels of the ball at the edge, over the background.
-        contrast: Grey levels of the ball's brightest part, over the background.
-        ragged: Relative deviation from the brightness that is extrapolated or expected, in units of what divides the weight by four.
+        brightness: Brightness of the ball near this point, in grey levels over the background.
+        contrast: Brightness of the ball's brightest part, in grey levels over the background.
+        ragged: Relative deviation of the brightness along the ray from the expected one, divided by that deviation which divides the weight
+            by four (such as SMOOTH).
     """
     return min(1.0, brightness / (0.5 * contrast)) / (1.0 + ragged**2) ** 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, contrast: float, step: int = 1) -> np.ndarray:
-    """Return the points of the ball's outline, (n,) OUTLINE_POINT with `camera` and `frame` 0.
+    """Find the points of the ball's outline in an image, one along each ray from the ball's centre.
 
-    The edge is where the brightness falls to half of what the pixels inside it extrapolate to, so that a shaded side counts like a bright
-    one.
+    The edge is where the brightness falls to half of the brightness that is extrapolated from the pixels inside. So the edge is found at
+    the right place on a shaded side, too.
 
     Args:
         image: (h, w) uint8 or uint16.
-        u: Column of the ball's middle, pixels.
-        v: Row of the ball's middle, pixels.
-        inner: Pixels from the middle: where the scan for the edge ends.
-        outer: Pixels from the middle: where the scan begins.
-        contrast: Grey levels between the background and the brightest part of the ball.
-        step: Every ray of this many is scanned.
+        u: Column of the ball's centre, pixels.
+        v: Row of the ball's centre, pixels.
+        inner: Distance from the centre at which the scan for the edge ends, pixels.
+        outer: Distance from the centre at which the scan begins, pixels.
+        contrast: Difference in grey levels between the brightest part of the ball and the background.
+        step: Only one of this many rays is scanned.
+
+    Returns:
+        (n,) array of dtype OUTLINE_POINT with `camera` and `frame` 0. Rays along which no edge is found are left out.
     """
     count = int((outer - inner) / SAMPLE_STEP) + 1
     radius = 0.5 * (inner + outer)
@@ -160,7 +183,14 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _brightness_inside(profile: Array, edge: float, outer: float, radius: float) -> Inside:
-    """Fit the brightness just inside an edge. edge, outer, radius: pixels from the middle."""
+    """Fit the brightness of the ball just inside an edge along one ray.
+
+    Args:
+        profile: (n,) grey levels over the background along the ray, from outside inwards.
+        edge: Distance of the edge from the ball's centre, pixels.
+        outer: Distance of the first sample from the ball's centre, pixels.
+        radius: Radius of the ball in the image, pixels.
+    """
     near, deep = INSIDE
     n, sx, sxx, sy, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(max(0, int((outer - edge + near) / SAMPLE_STEP) + 1), min(int((outer - edge + deep) / SAMPLE_STEP), len(profile))):

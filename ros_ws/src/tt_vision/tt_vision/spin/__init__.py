@@ -1,4 +1,4 @@
-"""The spin of the ball from its surface."""
+"""Estimation of the ball's spin from the marks, the printed or drawn dots on its surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coarse maps of the sphere in each frame, and the score of every rotation that can occur between two frames."""
+"""The coarse search: coarse maps of the ball's surface in each frame, and the score of every rotation that can occur between two frames."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from ..projection import rotate, rotate_back, unpack_rotation
 from .soft_surface import SoftSurface
 from .sphere_grid import cube, fibonacci, nearest
 
-CELLS = 900  # of a coarse map, 0.12 rad apart
-CUBE_EDGE = 48  # texels along the edge of the cube that finds them
-COARSE_TURN, DENSE_TURN = 1.15, 1.40  # rad between two frames that the two searches cover: 9,900 and 12,000 rpm at 900 frames a second
-COARSE_STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates: 2,600 and 15,700 of them; a mark is 0.4 rad wide
-LEAST_MASS = 0.25  # pixels of half the resolution, weighted, on which a cell must rest
-FULL_MASS = 1.0  # pixels of half the resolution, weighted, from which on a cell counts fully
+CELLS = 900  # number of cells of a coarse map, 0.12 rad apart
+CUBE_EDGE = 48  # number of cells along the edge of the cube map by which the cell at a direction is found
+COARSE_TURN, DENSE_TURN = 1.15, 1.40  # rad between two frames, largest of the coarse and the dense search: 9,900 and 12,000 rpm at 900 Hz
+COARSE_STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates of the two searches: 2,600 and 15,700 candidates; a mark is 0.4 rad wide
+LEAST_MASS = 0.25  # least sum of the weights of the pixels in a cell, at half the resolution; a cell with less is not used
+FULL_MASS = 1.0  # the same sum from which on a cell has its full weight
 
 
 class Candidates(NamedTuple):
-    """Rotations between two frames.
+    """Rotations of the ball between two frames that the search tries.
 
     Attributes:
-        rotations: (n, 3) rotation vectors, rad.
-        table: (CELLS, n) int16, the cell that each cell turns into.
+        rotations: (n, 3) rotation vectors, rad, in `table`.
+        table: (CELLS, n) int16, index of the cell to which each rotation moves each cell.
     """
 
     rotations: Array
@@ -37,11 +37,11 @@ class Candidates(NamedTuple):
 
 
 class CoarseMaps(NamedTuple):
-    """The marks of each frame in cells, both cameras together.
+    """Coarse maps of the ball's surface: its brightness in CELLS cells, for each frame, from all cameras together.
 
     Attributes:
-        brightness: (CELLS, frames) float32.
-        weights: (CELLS, frames) float32, at most 1, 0 where nothing is seen.
+        brightness: (CELLS, frames) float32, white is 1.
+        weights: (CELLS, frames) float32, weight of each cell, at most 1; 0 where the surface is not seen.
     """
 
     brightness: np.ndarray
@@ -49,31 +49,34 @@ class CoarseMaps(NamedTuple):
 
 
 def coarse_maps(surface: SoftSurface) -> CoarseMaps:
-    """Return the coarse map of each frame."""
+    """Compute the coarse map of the ball's surface in each frame, from its images at half the resolution."""
     images = surface.blurred
     return _maps(surface.brightness, surface.weights, images.views, images.frame_of, len(images.times), cube(CELLS, CUBE_EDGE))
 
 
 def score_candidates(maps: CoarseMaps, candidates: Candidates, pairs: np.ndarray) -> np.ndarray:
-    """Return the score (n,) of each candidate over pairs of frames: 0 for unrelated marks, less for marks that agree.
+    """Score rotations of the ball: compare pairs of frames, with the ball in the first one rotated.
 
     Args:
-        maps: From `coarse_maps`.
-        candidates: From `candidate_rotations`.
-        pairs: (p, 2) frames, the earlier one first, all equally far apart in time.
+        maps: Coarse maps of the ball's surface, from `coarse_maps`.
+        candidates: The n rotations, from `candidate_rotations`.
+        pairs: (p, 2) indices of frames, the earlier one first, all pairs with the same time difference.
+
+    Returns:
+        (n,) scores: about 0 if the marks (dots on the ball) are unrelated, the lower the better they agree.
     """
     return _score(maps.brightness, maps.weights, pairs, candidates.table)
 
 
 @functools.cache
 def candidate_rotations(step: float, largest: float) -> Candidates:
-    """Return rotations up to `largest`, rad, that are `step` rad apart."""
+    """Return rotations about all axes up to the angle `largest` (rad), about `step` (rad) apart. Results are cached."""
     rotations = lattice(step, largest)
     return Candidates(rotations, _make_table(rotations, fibonacci(CELLS), cube(CELLS, CUBE_EDGE)))
 
 
 def lattice(step: float, largest: float) -> Array:
-    """Return the vectors (n, 3) of a body-centred lattice up to a length, about `step` apart."""
+    """Return the vectors (n, 3) of a body-centred cubic lattice that are no longer than `largest`; neighbours are about `step` apart."""
     edge = step * 2.0 ** (1 / 3)
     count = math.ceil(largest / edge)
     i = np.arange(-count, count + 1) * edge
@@ -83,10 +86,10 @@ def lattice(step: float, largest: float) -> Array:
 
 
 def prepare_search() -> None:
-    """Make the tables of the search, which takes 0.3 s that no ball should wait for.
+    """Compute the tables of the search in advance, which takes 0.3 s, so that the first ball need not wait for them.
 
-    It also makes glibc, which raises its thresholds by what is freed, keep the memory of one burst for the next: new pages cost up to 2 ms
-    a burst.
+    It also allocates and frees a large array. After that the memory allocator of glibc keeps the memory of one burst for the next, because
+    it adapts its thresholds to what is freed. New memory pages would cost up to 2 ms per burst.
     """
     np.empty(31 << 20, dtype=np.uint8)
     candidate_rotations(COARSE_STEP, COARSE_TURN)
@@ -95,7 +98,7 @@ def prepare_search() -> None:
 
 @njit(cache=True, nogil=True)
 def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
-    """Return the cell (cells, rotations) int16 that each cell turns into."""
+    """Return the index of the cell to which each rotation moves each cell, (cells, rotations) int16."""
     table = np.empty((len(cells), len(rotations)), dtype=np.int16)
     for r in range(len(rotations)):
         turn = unpack_rotation(rotation_matrix(rotations[r]))
@@ -107,7 +110,16 @@ def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _maps(brightness: np.ndarray, shown: np.ndarray, views: np.ndarray, frame_of: np.ndarray, frames: int, cube: np.ndarray) -> CoarseMaps:
-    """Return the mean of the marks in each cell. brightness, shown: of SoftSurface, with `shown` its weights."""
+    """Return the weighted mean of the brightness in each cell, for each frame.
+
+    Args:
+        brightness: (images, n, n), `SoftSurface.brightness`.
+        shown: (images, n, n), `SoftSurface.weights`.
+        views: (images,) VIEW.
+        frame_of: (images,) index of the frame of each image.
+        frames: Number of frames.
+        cube: Cube map of the cells, from `sphere_grid.cube`.
+    """
     total, mass = np.zeros((CELLS, frames)), np.zeros((CELLS, frames))
     size = brightness.shape[1]
     for m in range(len(brightness)):
@@ -140,10 +152,17 @@ def _maps(brightness: np.ndarray, shown: np.ndarray, views: np.ndarray, frame_of
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _score(values: np.ndarray, weights: np.ndarray, pairs: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Return minus the covariance (candidates,) of the marks, summed over cells and pairs of frames.
+    """Return the negative covariance (candidates,) of the brightness in two frames, summed over cells and pairs of frames.
 
-    A mark on a mark counts far more than white on white, so a turn is not favoured because much of the ball stays in view. All cells of
-    the later frames are compared with one cell of the earlier ones at once, whatever the turn.
+    A mark that falls on a mark counts far more than white on white. So a rotation does not get a better score only because more of the ball
+    stays in view. For each cell of the earlier frame the products with all cells of the later frame are computed first; the candidates then
+    only look up theirs.
+
+    Args:
+        values: (cells, frames) brightness.
+        weights: (cells, frames).
+        pairs: (p, 2) indices of frames, the earlier one first.
+        table: (cells, candidates) index of the cell to which each candidate moves each cell.
     """
     cells, n = len(values), len(pairs)
     mean = np.float32((values * weights).sum() / max(weights.sum(), np.float32(1e-6)))

@@ -1,4 +1,4 @@
-"""How well a spin lays the marks of all images over each other, and which way it has to change: normal equations for Gauss-Newton."""
+"""Compare the ball's marks (the printed or drawn dots) between the images for a given spin, and refine the spin by Gauss-Newton steps."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..projection import distort, rotate, rotate_back, unpack_rotation
 from .mark_sampling import LEAST_WEIGHT, POINT_MARK, sample_best
 from .surface_map import MarkImages, view_optics
 
-PAIR_STEPS = 4  # of the refinement of a candidate
-STEPS = 12  # of the refinement on all images, at most; few marks seen aslant take 8
+PAIR_STEPS = 4  # number of steps of the refinement on pairs of frames
+STEPS = 12  # largest number of steps of the refinement on all images; few marks that are seen at a flat angle take 8
 
 SIGHT = np.dtype([("facing", "f4", (3,)), ("turn", "f4", (3, 3)), ("arm", "f4", (3, 3)), ("centre", "f4", (3,))])
 """How an image sees a ball that turns.
@@ -29,13 +29,16 @@ camera's frame, m.
 
 
 class PairComparison(NamedTuple):
-    """Pairs of frames compared; d is the difference of the brightness at a point.
+    """Comparison of the ball's surface in pairs of frames, for a given spin.
+
+    At each point of the surface, d is the difference of its brightness in the two frames (white is 1), and w the weight of the point. The
+    sums are over all points and pairs.
 
     Attributes:
-        cost: Sum of w (d^2 - 2 contrast).
+        cost: Sum of w (d^2 - 2 contrast), which is about 0 if the frames are unrelated, and negative if they agree.
         weight: Sum of w.
-        normal_matrix: (3, 3) of d by the spin, (rad/s)^-2.
-        gradient: (3,) of half the squared error by the spin.
+        normal_matrix: (3, 3) (rad/s)^-2, weighted sum of the products of the derivatives of d by the spin.
+        gradient: (3,) s/rad, derivative of half the sum of w d^2 by the spin.
     """
 
     cost: float
@@ -45,14 +48,14 @@ class PairComparison(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """All images compared with the marks that fit them best.
+    """Comparison of all images, for a given spin, with that brightness of the ball's surface which fits them best.
 
     Attributes:
-        normal_matrix: (3, 3) by the spin, (rad/s)^-2, the marks eliminated.
-        gradient: (3,) of half the squared error by the spin.
-        error: Mean squared error of the brightness.
-        weight: Sum of the weights behind that mean.
-        marks: (n,) POINT_MARK, those marks.
+        normal_matrix: (3, 3) (rad/s)^-2, normal matrix for the spin, from which the unknown brightness of each point is eliminated.
+        gradient: (3,) s/rad, derivative of half the weighted sum of squared errors by the spin.
+        error: Weighted mean of the squared errors of the brightness (white is 1).
+        weight: Sum of the weights in that mean.
+        marks: (n,) POINT_MARK, the brightness of the surface at each point that fits the images best.
     """
 
     normal_matrix: Array
@@ -64,15 +67,15 @@ class Comparison(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def compare_pairs(spin: Array, points: Array, before: np.ndarray, pairs: np.ndarray, images: MarkImages, contrast: float) -> PairComparison:
-    """Compare pairs of frames, the second one of each pair turned back by a spin.
+    """Compare the ball's surface in pairs of frames: the points seen in the first frame are rotated by the spin into the second one.
 
     Args:
         spin: (3,) rad/s in `table`.
-        points: (n, 3) unit vectors in `table`, places at the first frame of a pair.
-        before: (pairs, n) POINT_MARK, `first_samples` of them.
-        pairs: (p, 2) frames, the earlier one first.
-        images: The marks.
-        contrast: Variance of the brightness, so that unrelated marks cost 0.
+        points: (n, 3) unit vectors in `table`, points of the ball's surface at the time of the first frame of a pair.
+        before: (p, n) POINT_MARK, the surface at these points in the first frame of each pair, from `first_samples`.
+        pairs: (p, 2) indices of frames, the earlier one first.
+        images: The ball's surface in all images.
+        contrast: Variance of the brightness; it makes the cost of unrelated marks 0.
     """
     marks, views, times = images.marks, images.views, images.times
     cost, total, h, g, row = 0.0, 0.0, np.zeros((3, 3)), np.zeros(3), np.empty(3)
@@ -101,7 +104,12 @@ def compare_pairs(spin: Array, points: Array, before: np.ndarray, pairs: np.ndar
 
 @njit(cache=True, nogil=True)
 def turned(spin: Array, images: MarkImages) -> Array:
-    """Return the rotation (images, 3, 3) from the ball, as it is turned at time 0, to the camera's frame at each image."""
+    """Return for each image the rotation (images, 3, 3) from the ball, in its orientation at time 0, to the camera's frame.
+
+    Args:
+        spin: (3,) rad/s in `table`.
+        images: Views and times of the images; time 0 is the mean time of the frames.
+    """
     out = np.empty((len(images.views), 3, 3))
     for m in range(len(images.views)):
         out[m] = images.views[m].rotation.copy() @ rotation_matrix(spin * images.times[images.frame_of[m]])
@@ -110,7 +118,7 @@ def turned(spin: Array, images: MarkImages) -> Array:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sights(spin: Array, images: MarkImages) -> np.ndarray:
-    """Return how each image sees the ball that is turned by a spin, (images,) SIGHT."""
+    """Return for each image how the camera sees the ball that is rotated by a spin, (images,) SIGHT."""
     views, turns, out = images.views, turned(spin, images), np.empty(len(images.views), dtype=SIGHT)
     for m in range(len(views)):
         t, centre, sight = images.times[images.frame_of[m]], views[m].centre, out[m]
@@ -126,15 +134,16 @@ def _sights(spin: Array, images: MarkImages) -> np.ndarray:
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def compare_all(spin: Array, points: np.ndarray, images: MarkImages) -> Comparison:
-    """Compare all images, turned back by a spin, with the marks that fit them best, point by point on the ball.
+    """Compare the brightness of each point of the ball in all images that show it, with the ball rotated by a spin.
 
-    The marks are eliminated from the normal equations (variable projection, Golub and Pereyra 1973). What belongs to one point is computed
-    in single precision, which holds a place in the image to 1e-5 pixels; the sums over all points are in double precision.
+    At each point the images are compared with the brightness that fits them best. This unknown brightness is eliminated from the normal
+    equations (variable projection, Golub and Pereyra 1973). The values of one point are computed in single precision, which is accurate to
+    1e-5 pixels in the image; the sums over all points are computed in double precision.
 
     Args:
         spin: (3,) rad/s in `table`.
-        points: (n, 3) float32 unit vectors on the ball as it is turned at time 0.
-        images: The marks.
+        points: (n, 3) float32 unit vectors, points of the ball in its orientation at time 0, the mean time of the frames.
+        images: The ball's surface in all images.
     """
     marks, views, sights = images.marks, images.views, _sights(spin, images)
     limb, least, zero, one = np.float32(LIMB), np.float32(LEAST_WEIGHT), np.float32(0.0), np.float32(1.0)
@@ -204,7 +213,16 @@ def compare_all(spin: Array, points: np.ndarray, images: MarkImages) -> Comparis
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gauss_newton_step(h: Array, g: Array, most: float) -> Array:
-    """Return the Gauss-Newton step (3,) rad/s, at most `most` long. h: (3, 3). g: (3,)."""
+    """Return the Gauss-Newton step of the spin, shortened to a largest length; it is to be subtracted from the spin.
+
+    Args:
+        h: (3, 3) (rad/s)^-2, normal matrix.
+        g: (3,) s/rad, gradient.
+        most: rad/s, largest length of the step.
+
+    Returns:
+        (3,) rad/s.
+    """
     damped = h + (1e-9 * np.trace(h) + 1e-30) * np.eye(3)
     step = np.linalg.solve(damped, g)
     return step * min(1.0, most / max(math.sqrt(step @ step), 1e-12))
@@ -214,19 +232,19 @@ def gauss_newton_step(h: Array, g: Array, most: float) -> Array:
 def refine_on_pairs(
     spin: Array, points: Array, before: np.ndarray, pairs: np.ndarray, images: MarkImages, contrast: float, most: float
 ) -> tuple[Array, float]:
-    """Refine a spin on pairs of frames by PAIR_STEPS of Gauss-Newton.
+    """Refine a spin on pairs of frames by PAIR_STEPS Gauss-Newton steps.
 
     Args:
-        spin: (3,) rad/s, where it starts.
-        points: See `compare_pairs`.
-        before: See `compare_pairs`.
-        pairs: See `compare_pairs`.
-        images: See `compare_pairs`.
-        contrast: See `compare_pairs`.
-        most: rad/s, largest step.
+        spin: (3,) rad/s in `table`, where the refinement starts.
+        points: (n, 3) unit vectors, see `compare_pairs`.
+        before: (p, n) POINT_MARK, see `compare_pairs`.
+        pairs: (p, 2) indices of frames, see `compare_pairs`.
+        images: The ball's surface in all images.
+        contrast: Variance of the brightness.
+        most: rad/s, largest length of a step.
 
     Returns:
-        The spin, and its residual before the last step: 0 for marks that agree, 1 for unrelated ones.
+        The spin (3,) rad/s, and the residual of the spin before the last step: 0 if the marks agree, 1 if they are unrelated.
     """
     residual = 1.0
     for _ in range(PAIR_STEPS):
@@ -238,17 +256,17 @@ def refine_on_pairs(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def refine_on_all(spin: Array, points: Array, images: MarkImages, most: float, least_step: float) -> tuple[Array, Comparison]:
-    """Refine a spin on all images by Gauss-Newton, until a step is shorter than `least_step`.
+    """Refine a spin on all images by at most STEPS Gauss-Newton steps.
 
     Args:
-        spin: (3,) rad/s, where it starts.
-        points: See `compare_all`.
-        images: See `compare_all`.
-        most: rad/s, largest step.
-        least_step: rad/s.
+        spin: (3,) rad/s in `table`, where the refinement starts.
+        points: (n, 3) float32 unit vectors, see `compare_all`.
+        images: The ball's surface in all images.
+        most: rad/s, largest length of a step.
+        least_step: rad/s; the refinement ends after a shorter step.
 
     Returns:
-        The spin, and the comparison before the last step.
+        The spin (3,) rad/s, and the comparison of the images for the spin before the last step.
     """
     compared = compare_all(spin, points, images)
     for step in range(STEPS):

@@ -1,7 +1,9 @@
-"""The dissertation's own ways to the centre and the spin of the ball, as printed, to compare with.
+"""The methods of the Nagoya dissertation for the ball's centre and spin, as printed, for comparison.
 
-Method 1 (Section 2.3) and Method 2 (Section 2.4) take the ball's centre from four points on its outline, frame by frame (Section 2.2), and
-grey levels or black and white as they come. What the text leaves open is a parameter with the value used here.
+The dissertation is "Racket Control and Spinning Ball Measurement for Table Tennis Robot"; all sections and equations are its own. Method 1
+(Section 2.3) and Method 2 (Section 2.4) for the spin take the ball's centre from four points of its outline in each image (Section 2.2).
+Method 1 compares black and white images, Method 2 grey levels, both without a correction for the light. What the text does not say is a
+parameter with the value used here.
 """
 
 from __future__ import annotations
@@ -25,7 +27,10 @@ from ..projection import project_point, ray, rotate, unpack_camera, unpack_rotat
 
 @dataclass(frozen=True)
 class Method2Params:
-    """Parameters of the search of Section 2.4.2. The spin is in rad/s there, which reproduces the printed iteration counts."""
+    """Parameters of the conjugate-gradient search of Method 2 (Section 2.4.2 of the dissertation).
+
+    The search steps over the spin in rad/s, which reproduces the printed numbers of iterations.
+    """
 
     camera: int = 1  # index of the camera whose images are compared, "say Camera 2"
     start: tuple[float, float, float] = (577.35, -577.35, 577.35)  # rpm, Section 2.5
@@ -41,11 +46,11 @@ class Method2Params:
 
 
 class Centres(NamedTuple):
-    """Where the ball is in each frame, Section 2.2.
+    """Centre of the ball in each image and in space, by Section 2.2 of the dissertation.
 
     Attributes:
-        pixels: (cameras, frames, 2), the middle of the ball in each image.
-        positions: (frames, 3) m in `table`.
+        pixels: (cameras, frames, 2) pixels, centre of the ball in each image.
+        positions: (frames, 3) m in `table`, centre of the ball in each frame.
     """
 
     pixels: Array
@@ -53,12 +58,12 @@ class Centres(NamedTuple):
 
 
 class MethodResult(NamedTuple):
-    """What one of the methods finds.
+    """Result of one of the dissertation's two methods for the spin.
 
     Attributes:
-        spin: (3,) rad/s in `table`.
-        residual: E (2.32) of Method 2, mean V (2.21) of Method 1.
-        iterations: Iteration number IN (2.35) of Method 2, pairs of frames used by Method 1.
+        spin: (3,) rad/s in `table`; 0 if Method 1 found no marks.
+        residual: Of Method 2 the error E of (2.32), squared grey levels; of Method 1 the mean cost V of (2.21), 0 to 1.
+        iterations: Of Method 2 the iteration number IN of (2.35); of Method 1 the number of pairs of frames that were used.
     """
 
     spin: Array
@@ -67,11 +72,12 @@ class MethodResult(NamedTuple):
 
 
 class SquareImages(NamedTuple):
-    """The pixels of the inscribed square of each frame of a burst.
+    """The pixels inside the square that is inscribed in the ball, in each frame of one camera.
 
     Attributes:
-        arms: (k, n, 3) m from the ball's centre to the surface in the camera's frame, NaN behind the last pixel of a frame.
-        greys: (k, n) grey levels.
+        arms: (k, n, 3) m, vector in the camera's frame from the ball's centre to its surface in each pixel. If a frame has fewer than n
+            pixels, the rest is NaN.
+        greys: (k, n) grey level of each pixel.
     """
 
     arms: np.ndarray
@@ -79,7 +85,13 @@ class SquareImages(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """The shift between two squares with the smallest cost V (2.21), pixels."""
+    """The shift between two square images with the smallest cost.
+
+    Attributes:
+        horizontal: Shift to the right, pixels.
+        vertical: Shift downwards, pixels.
+        cost: The cost V of (2.21) at this shift: share of the overlapping pixels that differ.
+    """
 
     horizontal: int
     vertical: int
@@ -87,19 +99,19 @@ class Shift(NamedTuple):
 
 
 def four_points(image: Image, threshold: float) -> Array:
-    """Return the middle of a ball from four points of its outline, (2.5) to (2.10).
+    """Compute the centre of a ball in an image from four points of its outline, (2.5) to (2.10) of the dissertation.
 
-    It is the point nearest to the four perpendicular bisectors between the first points over the threshold that scans from the four sides
-    meet. The scans of the text all run along rows, which puts two points on one row and makes (2.6) singular: here each scan runs along
-    its own side. (2.5) minimises the vertical distance to the bisectors: here it is the perpendicular distance, which no slope makes
-    singular.
+    The image is scanned from each of its four sides for the first pixel over the threshold. The centre is the point nearest to the four
+    perpendicular bisectors between neighbouring points. Two details differ from the text. There all scans run along rows, which puts two
+    points on one row and makes (2.6) singular; here each scan runs parallel to its own side. And (2.5) minimises the vertical distance to
+    the bisectors; here the perpendicular distance is minimised, which is not singular for any slope.
 
     Args:
-        image: (h, w).
-        threshold: Grey level.
+        image: (h, w) grey levels.
+        threshold: Grey level between the background and the ball.
 
     Returns:
-        (2,) pixel.
+        (2,) pixels, column and row of the centre.
 
     Raises:
         TtError: No pixel is over the threshold.
@@ -125,12 +137,24 @@ def four_points(image: Image, threshold: float) -> Array:
 
 
 def centre_by_four_points(image: Image, ball: BallDetection) -> Array:
-    """Return the middle (2,) pixel of a ball that has been detected in an image, Section 2.2."""
+    """Compute the centre of a detected ball in an image from four points of its outline (Section 2.2 of the dissertation).
+
+    Args:
+        image: (h, w) grey levels.
+        ball: Detection of the ball in this image, which gives the threshold.
+
+    Returns:
+        (2,) pixels, column and row of the centre.
+    """
     return four_points(image, ball.background + DEPTH * ball.contrast)
 
 
 def centres_by_four_points(burst: Burst) -> Centres:
-    """Return where the ball is in each image and frame of a burst with detections, Section 2.2."""
+    """Compute the centre of the ball in each image and each frame of a burst (Section 2.2 of the dissertation).
+
+    Args:
+        burst: A burst (the images of one ball's passage) with cameras, at least two, and detections.
+    """
     pixels = np.array(
         [
             [centre_by_four_points(image, ball) for image, ball in zip(stack, row, strict=True)]
@@ -141,20 +165,29 @@ def centres_by_four_points(burst: Burst) -> Centres:
 
 
 def velocity_by_least_squares(positions: Array, times: Array) -> Array:
-    """Return the velocity (3,) m/s of the straight line through positions (k, 3) m at times (k,) s, without gravity, Section 2.2."""
+    """Fit a straight line to positions by least squares, without gravity (Section 2.2 of the dissertation), and return the velocity.
+
+    Args:
+        positions: (k, 3) m in any frame.
+        times: (k,) s.
+
+    Returns:
+        (3,) m/s in the same frame.
+    """
     tau = times - times.mean()
     return np.asarray(tau @ (positions - positions.mean(axis=0)) / (tau @ tau))
 
 
 def method_2(burst: Burst, params: Method2Params | None = None, trace: list[tuple[float, Array]] | None = None) -> MethodResult:
-    """Find the spin by image registration with conjugate gradients (Section 2.4).
+    """Find the spin by Method 2 of the dissertation: image registration with conjugate gradients (Section 2.4).
 
-    The search runs in `table`, with the printed start.
+    The search uses the components of the spin in `table`, and starts at the printed spin.
 
     Args:
-        burst: A burst with detections.
-        params: Of the search.
-        trace: Takes E and the spin after each iteration, as Figures 2.17 and 2.18 show them.
+        burst: A burst (the images of one ball's passage) with cameras, at least two, and detections.
+        params: Parameters of the search; None for those of the dissertation.
+        trace: List to which the lowest error E so far and its spin (3,) rad/s are appended after each iteration, as Figures 2.17 and 2.18
+            show them; None if they are not wanted.
     """
     p = params or Method2Params()
     camera = burst.cameras[p.camera]
@@ -208,14 +241,14 @@ def method_2(burst: Burst, params: Method2Params | None = None, trace: list[tupl
 
 @njit(cache=True, nogil=True)
 def inscribed_square(stack: np.ndarray, pixels: Array, centres: Array, camera: Array, half: float) -> SquareImages:
-    """Return the pixels of the square inscribed in the ball. Not validated.
+    """Cut the pixels of the inscribed square out of each image of one camera; the arguments are not validated.
 
     Args:
-        stack: (k, h, w) float32.
-        pixels: (k, 2), the middle of the ball.
-        centres: (k, 3) m in the camera's frame.
-        camera: `Camera.vector`.
-        half: Pixels, half the side of the square.
+        stack: (k, h, w) float32 grey levels.
+        pixels: (k, 2) pixels, centre of the ball in each image.
+        centres: (k, 3) m, centre of the ball in the camera's frame.
+        camera: (20,) `Camera.vector`.
+        half: Half the side of the square, pixels.
     """
     optics = unpack_camera(camera).optics
     side = int(2.0 * half) + 2
@@ -240,17 +273,21 @@ def inscribed_square(stack: np.ndarray, pixels: Array, centres: Array, camera: A
 
 @njit(cache=True, nogil=True)
 def difference(spin: Array, squares: SquareImages, stack: np.ndarray, centres: Array, times: Array, camera: Array) -> float:
-    """Return E (2.32), squared grey levels, of each frame turned on by a spin against the next one.
+    """Return the error E of (2.32): the mean squared difference between each frame, rotated by a spin, and the next frame.
 
-    Every point that is moved is given to the pixels nearer than one pixel (2.27); each pixel keeps the nearest point (2.31).
+    Each rotated point of a frame is assigned to the pixels within one pixel of it (2.27). Each pixel keeps the nearest point (2.31). The
+    equations are those of the dissertation.
 
     Args:
         spin: (3,) rad/s in the camera's frame.
-        squares: From `inscribed_square`.
-        stack: (k, h, w) float32.
-        centres: (k, 3) m in the camera's frame.
+        squares: Pixels of the inscribed squares, from `inscribed_square`.
+        stack: (k, h, w) float32 grey levels.
+        centres: (k, 3) m, centre of the ball in the camera's frame.
         times: (k,) s.
-        camera: `Camera.vector`.
+        camera: (20,) `Camera.vector`.
+
+    Returns:
+        Squared grey levels.
     """
     optics, (arms, greys) = unpack_camera(camera).optics, squares
     height, width = stack.shape[1], stack.shape[2]
@@ -286,13 +323,14 @@ def difference(spin: Array, squares: SquareImages, stack: np.ndarray, centres: A
 
 
 def method_1(burst: Burst) -> MethodResult:
-    """Find the spin by correlation of black and white squares (Section 2.3).
+    """Find the spin by Method 1 of the dissertation: correlation of black and white images (Section 2.3).
 
-    The marks are 1 in the binary image. A pair of frames without marks in both cameras is left out; the spin is the mean over the pairs. A
-    turn about the line of sight shifts nothing and is not seen: with cameras beside the table that is topspin.
+    In the binary image a mark (dot on the ball) is 1. A pair of frames is left out unless both frames show marks in all cameras. The result
+    is the mean spin of the pairs. A rotation about the line of sight shifts no mark and is not seen; with cameras beside the table this is
+    topspin.
 
     Args:
-        burst: A burst with detections.
+        burst: A burst (the images of one ball's passage) with cameras, at least two, and detections.
     """
     times, cameras = burst.times, burst.cameras
     pixels, positions = centres_by_four_points(burst)
@@ -320,7 +358,17 @@ def method_1(burst: Burst) -> MethodResult:
 
 
 def _onto_surface(arm: Array, towards: Array) -> Array:
-    """Return where the line through `arm` towards the cameras leaves the ball, (3,) m from the centre, or the nearest point to it."""
+    """Return the point of the ball's surface where a line through a point, parallel to the direction to the cameras, leaves the ball.
+
+    If the line misses the ball, it is the point of the surface nearest to the line.
+
+    Args:
+        arm: (3,) m, the point relative to the ball's centre.
+        towards: (3,) direction to the cameras; its length does not matter.
+
+    Returns:
+        (3,) m, relative to the ball's centre.
+    """
     d = towards / np.linalg.norm(towards)
     along = arm @ d
     across = arm - along * d
@@ -329,7 +377,7 @@ def _onto_surface(arm: Array, towards: Array) -> Array:
 
 
 def _binary(image: Image, ball: BallDetection, pixel: Array) -> np.ndarray:
-    """Return the inscribed square, (n, n) uint8: 1 for marks, which are darker than half the brightest."""
+    """Return the inscribed square of the ball as a binary image (n, n) uint8: 1 where it is darker than half the brightest, a mark."""
     half = int(ball.radius / math.sqrt(2.0))
     u, v = round(float(pixel[0])), round(float(pixel[1]))
     square = image[max(0, v - half) : v + half + 1, max(0, u - half) : u + half + 1]
@@ -338,10 +386,10 @@ def _binary(image: Image, ball: BallDetection, pixel: Array) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def correlate(before: np.ndarray, after: np.ndarray) -> Shift:
-    """Return the shift from `before` to `after` with the smallest mean squared difference (2.21).
+    """Find the shift from one binary image to the next with the smallest mean squared difference, (2.21) of the dissertation.
 
-    The printed sums swap their limits and have no negative shift; here both signs are tried up to half the square, so that at least a
-    quarter of it overlaps.
+    The limits of the printed sums are interchanged, and they contain no negative shifts. Here shifts of both signs are tried up to half the
+    image, so that at least a quarter of it overlaps.
 
     Args:
         before: (n, n) uint8, 0 or 1.
@@ -362,6 +410,9 @@ def correlate(before: np.ndarray, after: np.ndarray) -> Shift:
 
 
 def _image_jacobian(camera: Camera, point: Array) -> Array:
-    """Return the derivative (2, 3) of (2.12), pixels by m in `table`; (2.14) should show it and does not."""
+    """Return the derivative (2, 3) of a pixel by the position of the point in `table`, pixels/m.
+
+    It is the derivative of (2.12) of the dissertation; the printed (2.14) is not.
+    """
     x, y, z = camera.rotation @ point + camera.translation
     return camera.focal_pixels * np.array([[1.0 / z, 0.0, -x / z**2], [0.0, 1.0 / z, -y / z**2]]) @ camera.rotation

@@ -1,7 +1,8 @@
-"""The distance of the ball from a single camera, from its marks.
+"""Refine the distance of the ball from a single camera by means of its marks (the printed or drawn dots).
 
-The outline alone tells the distance only as well as the edge is known: 0.4 pixels of blur at the edge are 1 % of it. Marks tell more. A
-mark that turns with the ball moves on a circle in the image whose size is the ball's, and only with the right size do all images agree.
+From the outline alone the distance is only as accurate as the position of the edge: 0.4 pixels of blur at the edge are 1 % of the distance.
+The marks give more information. A mark turns with the ball, so its motion in the image depends on the size of the ball there, and the marks
+of all images agree only if this size is correct.
 """
 
 from __future__ import annotations
@@ -19,25 +20,27 @@ from .registration import Registration, SearchParams, register_again
 from .sphere_grid import fibonacci_single
 from .surface_map import SurfaceMap
 
-STEP = 0.01  # of the distance, between the three that are compared: a third of a pixel in the ball's radius
-ROUNDS = 2  # the second one starts where the first one ends
-TRUST = 1 / 9  # of the information in the marks: what the light leaves on them made errors of up to three standard deviations by noise
+STEP = 0.01  # relative difference between the three distances that are compared: a third of a pixel in the ball's radius
+ROUNDS = 2  # number of rounds; each one starts from the result of the one before
+TRUST = 1 / 9  # weight of the information in the marks, because errors of the light caused up to three times the errors that noise causes
 
 
 def refine_distance(
     burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, search: SearchParams
 ) -> tuple[BallMotion, SurfaceMap, Registration]:
-    """Refine the distance of the ball from the only camera, and the spin with it.
+    """Refine the distance of the ball from the only camera, and with it the spin.
+
+    The result is the distance at which the marks (dots on the ball) agree best in all images, weighted with the distance from the outlines.
 
     Args:
-        burst: A burst of one camera.
-        motion: The motion by the outlines.
-        surface: The marks on a ball that moves like that.
-        found: The registration so far.
-        search: How many points are compared.
+        burst: A burst (the images of one ball's passage) of one camera.
+        motion: Motion of the ball, from its outlines.
+        surface: The ball's surface in all images, for this motion.
+        found: The registration (spin and marks) so far.
+        search: Parameters of the search, of which the number of points is used.
 
     Returns:
-        Motion, marks and registration at the distance at which the marks of all images agree best.
+        Motion, surface and registration for the refined distance. They are the same as before if the marks do not determine a distance.
     """
     towards = motion.position - burst.cameras[0].position
     along = np.concatenate([towards, np.zeros(3)]) / (towards @ towards)  # gradient of the relative distance by position and velocity
@@ -63,7 +66,11 @@ def refine_distance(
 def _at(
     burst: Burst, motion: BallMotion, surface: SurfaceMap, found: Registration, search: SearchParams, factor: float
 ) -> tuple[float, float]:
-    """Return the mean squared error of the marks with the ball at another distance, and the sum of their weights."""
+    """Compare the images with the ball at another distance, `factor` times the present one, after refining the spin for it.
+
+    Returns:
+        The mean squared error of the brightness, and the sum of the weights in that mean.
+    """
     mapped = surface.moved_to(motion.at_distance(burst.cameras[0].position, factor), burst)
     spin = register_again(mapped, found, search).spin
     compared = compare_all(spin, fibonacci_single(search.fine_points), mapped.images)

@@ -1,4 +1,8 @@
-"""The spin with its covariance, from the last registration of a burst."""
+"""The estimate of the spin with its covariance, from the last registration of a burst.
+
+A burst holds the images of one ball's passage through the high speed cameras. A registration is a spin, and how well the ball's marks (the
+printed or drawn dots) agree in all images with this spin.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,14 @@ from tt_core.states import Array
 
 from .registration import GATE, LEAST_DISTINCTNESS, Registration
 
-NOISE_FLOOR = (0.17, 5.5e-4)  # rad/s, and of the spin: standard deviation of what noise does not explain, light and centres
-CORRELATED = 1.5  # neighbouring points share pixels: the least squares counts each pixel that often
-CALIBRATED_LIGHT, NOT_REFINED, ONE_CAMERA = 0.75, 1.5, 3.0  # factors of NOISE_FLOOR; the second one holds without refined outlines
+NOISE_FLOOR = (0.17, 5.5e-4)  # rad/s, and relative to the spin: standard deviation by errors of the light and of the ball's centre
+CORRELATED = 1.5  # how often the least-squares fit counts each pixel, because neighbouring points share pixels
+CALIBRATED_LIGHT, NOT_REFINED, ONE_CAMERA = 0.75, 1.5, 3.0  # factors on NOISE_FLOOR; the second one if outlines were not found again
 UNKNOWN = 1e6  # (rad/s)^2, variance of a spin that is not known
 
 
 class SpinReason(Enum):
-    """Why there is no estimate of the spin: codes of `tt_core.failures.Failure`."""
+    """Reasons why there is no estimate of the spin; codes of `tt_core.failures.Failure`."""
 
     FEW_FRAMES = "{frames} frames cannot tell a spin"
     NO_MARKS = "no marks on the ball"
@@ -29,15 +33,16 @@ class SpinReason(Enum):
 
 @dataclass(frozen=True, eq=False)
 class SpinEstimate:
-    """The spin of the ball.
+    """Estimate of the spin of the ball, or the reason why there is none.
 
     Attributes:
-        spin: (3,) rad/s in `table`; 0 without an estimate.
-        covariance: (3, 3); large without an estimate, and for the dissertation's methods, which tell none.
-        residual: 0 for marks that agree in all images, 1 for unrelated ones; of the dissertation's methods E (2.32) and V (2.21).
-        reason: Why there is no estimate, or None.
-        iterations: Rotations tried, or steps taken.
-        alternatives: (n, 3) rad/s, the spins that fit alike if the reason is AMBIGUOUS, the best one first; empty otherwise.
+        spin: (3,) rad/s in `table`; 0 if there is no estimate.
+        covariance: (3, 3) (rad/s)^2. It is large if there is no estimate, and for the dissertation's methods, which give no covariance.
+        residual: Disagreement of the ball's marks (dots) between the images: 0 if they agree, 1 if they are unrelated. For the
+            dissertation's Method 1 it is V of (2.21), for Method 2 it is E of (2.32).
+        reason: Why there is no estimate; None if there is one.
+        iterations: Number of rotations that were tried; of the dissertation's methods the number of iterations.
+        alternatives: (n, 3) rad/s, the spins that fit equally well if the reason is AMBIGUOUS, the best one first; empty otherwise.
     """
 
     spin: Array
@@ -49,12 +54,22 @@ class SpinEstimate:
 
     @classmethod
     def refused(cls, reason: Failure, residual: float = 1.0, iterations: int = 0) -> SpinEstimate:
-        """Return that there is no estimate, and why."""
+        """Return a result without an estimate.
+
+        Args:
+            reason: Why there is none.
+            residual: See `SpinEstimate.residual`.
+            iterations: See `SpinEstimate.iterations`.
+        """
         return cls(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
 
     @classmethod
     def not_believed(cls, found: Registration) -> SpinEstimate:
-        """Return that a registration is no estimate, and why."""
+        """Return a result without an estimate for a registration that is not believed, with the reason why it is not.
+
+        Args:
+            found: The registration, of which `is_believed` is False.
+        """
         if not found.agrees:
             return cls.refused(Failure(SpinReason.NO_AGREEMENT, residual=found.residual, bound=GATE), found.residual, found.candidates)
         if not found.is_distinct:
@@ -68,20 +83,29 @@ class SpinEstimate:
 
     @classmethod
     def without_covariance(cls, spin: Array, residual: float, iterations: int) -> SpinEstimate:
-        """Return an estimate by a method that tells no covariance."""
+        """Return an estimate by a method that gives no covariance; a large one is used.
+
+        Args:
+            spin: (3,) rad/s in `table`.
+            residual: See `SpinEstimate.residual`.
+            iterations: See `SpinEstimate.iterations`.
+        """
         return cls(spin, UNKNOWN * np.eye(3), residual, None, iterations)
 
 
 def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool) -> SpinEstimate:
-    """Return a registration's spin with its covariance: that of the least squares, and what noise does not explain.
+    """Convert a registration (a spin with which the ball's marks agree in all images) to an estimate of the spin with its covariance.
 
-    Without an estimate, but with the reason, if the registration is not believed.
+    The covariance is that of the least-squares fit, plus a part for errors of the light and of the ball's centre.
 
     Args:
         found: The last registration of a burst.
         cameras: Number of cameras.
-        is_refined: Whether outlines were found again with the marks known.
+        is_refined: Whether the outlines were found again once the marks were known.
         is_light_calibrated: Whether the lamps are calibrated.
+
+    Returns:
+        The estimate; if the registration is not believed, a result without an estimate, with the reason.
     """
     if not found.is_believed:
         return SpinEstimate.not_believed(found)

@@ -1,8 +1,8 @@
-"""The outlines of the ball found again, once its marks and its light are known.
+"""Find the outlines of the ball again, more accurately, once its marks (the printed or drawn dots) and the light on it are known.
 
-What lies along the outline in one image is seen better in others, before or after it has turned there. So the brightness just inside can be
-expected, mark by mark, and the outline is where the image falls to half of it, blurred. Without this, an outline with marks along it is 0.1
-pixels off.
+A part of the surface that lies along the outline in one image is seen better in other images, because the ball turns. So the brightness
+just inside the outline can be computed, marks included. The outline is where the image falls to half of this brightness, after blurring.
+Without this, an outline with marks along it has an error of 0.1 pixels.
 """
 
 from __future__ import annotations
@@ -35,28 +35,30 @@ from .ball_marks import BallMarks, ball_marks, mark_at
 from .registration import Registration
 from .surface_map import SurfaceMap, view_optics
 
-LEAST_MARK_WEIGHT = 0.05  # of 1 for a pixel seen straight on, on which a mark must rest; a place without one is taken as white
-DEPTHS = 14  # samples inside the outline, DEPTH_STEP apart, the first one half a step inside
+LEAST_MARK_WEIGHT = 0.05  # least weight of the known brightness of a place (see `mark_at`); a place with less is taken as white
+DEPTHS = 14  # number of samples inside the outline, DEPTH_STEP apart, the first one half a step inside
 DEPTH_STEP = 0.5  # pixels
-NEAREST, DEEPEST = 1.5, 6.0  # pixels inside the outline between which image and expectation are compared
-MIDDLE_COSINE = 0.45  # cosine to the line of sight half way between NEAREST and DEEPEST
-BEND_PRIOR = 0.003  # weight of the prior that the light falls off towards the outline as expected; with calibrated lamps that is certain
-EDGE_DEPTHS = 6  # first samples inside the outline, whose mean, weighted by the blur, is the brightness of the edge
-LEAST_RATIO = 0.2  # of the expected brightness, that the image must have
-LEAST_BRIGHTNESS = 0.15  # of the ball's contrast, that the edge must have just inside
-MOST_SHIFT = 3.0  # pixels between the edge and where it is expected
+NEAREST, DEEPEST = 1.5, 6.0  # pixels inside the outline between which the image is compared with the expected brightness
+MIDDLE_COSINE = 0.45  # cosine between normal and line of sight half way between NEAREST and DEEPEST
+BEND_PRIOR = 0.003  # weight of the prior that the light falls off towards the outline as expected; infinite with calibrated lamps
+EDGE_DEPTHS = 6  # number of outermost samples inside the outline whose mean, weighted by the blur, is the brightness of the edge
+LEAST_RATIO = 0.2  # least brightness of the image, relative to the expected one
+LEAST_BRIGHTNESS = 0.15  # least brightness just inside the edge, relative to the ball's contrast
+MOST_SHIFT = 3.0  # pixels, largest distance of the edge from where it is expected
 RAGGED = 1.5 * SMOOTH  # relative deviation from the expected brightness that divides a point's weight by four
-PASSES = 3  # over the edge of one ray
+PASSES = 3  # number of times the edge along one ray is determined, each time with the brightness inside the last edge
 
 
 class ExpectedEdge(NamedTuple):
-    """The image just inside an edge beside what is expected there.
+    """Comparison of the image just inside the ball's edge, along one ray, with the brightness that is expected there.
+
+    The ratio of the two is fitted as a linear function of the cosine between the ball's normal and the line of sight.
 
     Attributes:
-        samples: Number of samples compared.
-        ratio: Image over expectation, at MIDDLE_COSINE.
-        bend: By how much the ratio rises with the cosine to the line of sight.
-        ragged: Root mean square of the residuals, relative to the image.
+        samples: Number of samples that were compared.
+        ratio: Brightness of the image divided by the expected one, where the cosine is MIDDLE_COSINE.
+        bend: Derivative of this ratio by the cosine.
+        ragged: Root mean square residual of the fit, relative to the brightness of the image.
     """
 
     samples: int
@@ -66,12 +68,15 @@ class ExpectedEdge(NamedTuple):
 
 
 def limb_outlines(burst: Burst, surface: SurfaceMap, found: Registration) -> np.ndarray:
-    """Return the outline points in all images, (n,) OUTLINE_POINT, by the marks and the light that are expected.
+    """Find the points of the ball's outline in all images of a burst, with the brightness expected from its marks (dots) and the light.
 
     Args:
-        burst: A burst with cameras and detections.
-        surface: Its marks and light.
-        found: Its spin.
+        burst: A burst (the images of one ball's passage) with cameras and detections.
+        surface: The ball's surface in all images, with the light and the ball's position.
+        found: The registration: spin and marks.
+
+    Returns:
+        (n,) OUTLINE_POINT; those of one image follow each other.
     """
     light, rows = surface.illumination, []
     expected = _limb_brightness(surface.images.views, ball_marks(surface, found), light)
@@ -88,7 +93,15 @@ def limb_outlines(burst: Burst, surface: SurfaceMap, found: Registration) -> np.
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination) -> Array:
-    """Return the grey levels expected just inside the outline, (images, RAYS, DEPTHS); white where no image shows what is there."""
+    """Compute the grey levels, over the background, that are expected just inside the outline: (images, RAYS, DEPTHS).
+
+    A part of the surface that no image shows well enough is taken as white.
+
+    Args:
+        views: (images,) VIEW, how a camera sees the ball in each image.
+        known: The brightness of the ball's surface.
+        light: The light on the ball.
+    """
     images, cameras = len(views), len(light.harmonics)
     marks, texels = known.marks, known.texels
     out = np.empty((images, RAYS, DEPTHS))
@@ -117,15 +130,15 @@ def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination) -
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float, expected: Array, prior: float) -> np.ndarray:
-    """Return the points of the ball's outline, (n,) OUTLINE_POINT with `camera` and `frame` 0.
+    """Find the points of the ball's outline in one image, (n,) OUTLINE_POINT with `camera` and `frame` 0.
 
     Args:
         image: (h, w) uint8 or uint16.
-        camera: `Camera.vector`.
-        centre: (3,) m, of the ball in the camera's frame.
-        contrast: Grey levels between the background and the brightest part of the ball.
-        expected: (RAYS, DEPTHS) grey levels just inside the outline.
-        prior: Weight of the prior that the ratio of image and expectation does not change towards the outline.
+        camera: (20,) `Camera.vector`.
+        centre: (3,) m, centre of the ball in the camera's frame.
+        contrast: Difference in grey levels between the brightest part of the ball and the background.
+        expected: (RAYS, DEPTHS) expected grey levels just inside the outline, over the background.
+        prior: Weight of the prior that the ratio of the image to the expected brightness does not change towards the outline.
     """
     optics = unpack_camera(camera).optics
     u, v = project_point(optics, centre[0], centre[1], centre[2])
@@ -164,7 +177,16 @@ def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _compare_inside(profile: Array, behind: float, edge: float, radius: float, expected: Array, prior: float) -> ExpectedEdge:
-    """Fit the expectation (DEPTHS,), times a ratio that is linear in the cosine to the line of sight, to a ray's profile inside an edge."""
+    """Compare the image with the expected brightness along one ray just inside an edge, by a linear least-squares fit.
+
+    Args:
+        profile: (n,) grey levels along the ray, from outside inwards.
+        behind: Grey level of the background on this ray.
+        edge: Distance of the edge from the ball's centre, pixels.
+        radius: Radius of the ball in the image, pixels.
+        expected: (DEPTHS,) expected grey levels over the background.
+        prior: Weight of the prior that the ratio of the two does not change towards the outline.
+    """
     outer = radius + FINE_REACH
     n, xx, xy, yy, zz, xz, zy = 0, 1e-9, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(
@@ -184,7 +206,7 @@ def _compare_inside(profile: Array, behind: float, edge: float, radius: float, e
 
 @njit(cache=True, nogil=True)
 def _blur_weights() -> Array:
-    """Return the weights (EDGE_DEPTHS,) with which the blur mixes the first depths at the edge; their sum is 1."""
+    """Return the weights (EDGE_DEPTHS,) of the outermost samples in the blurred brightness of the edge; their sum is 1."""
     weights = np.empty(EDGE_DEPTHS)
     for d in range(EDGE_DEPTHS):
         weights[d] = math.exp(-0.5 * (DEPTH_STEP * (d + 0.5) / BLUR) ** 2)
@@ -193,7 +215,14 @@ def _blur_weights() -> Array:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _edge_brightness(compared: ExpectedEdge, expected: Array, radius: float, weights: Array) -> float:
-    """Return the grey level of the edge over the background: the mean over the first depths of `expected` (DEPTHS,)."""
+    """Compute the brightness of the ball at its edge, in grey levels over the background: the blurred mean of the outermost samples.
+
+    Args:
+        compared: Ratio of the image to the expected brightness.
+        expected: (DEPTHS,) expected grey levels just inside the outline, over the background.
+        radius: Radius of the ball in the image, pixels.
+        weights: (EDGE_DEPTHS,) weights of the samples, from `_blur_weights`.
+    """
     bright = 0.0
     for d in range(EDGE_DEPTHS):
         cosine = math.sqrt(2.0 * DEPTH_STEP * (d + 0.5) / radius)

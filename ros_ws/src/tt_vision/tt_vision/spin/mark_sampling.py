@@ -1,4 +1,4 @@
-"""The brightness of the ball's surface at a given place, from the marks in one image or from the best image of a frame."""
+"""Look up the brightness of the ball's surface at a given place, in one image or in the image of a frame that shows the place best."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from ..detection.illumination import LIMB
 from ..projection import distort, rotate, rotate_back, unpack_rotation
 from .surface_map import MarkImages, view_optics
 
-LEAST_WEIGHT = 0.02  # of a pixel that is seen straight on, below which a place is not seen
+LEAST_WEIGHT = 0.02  # least weight with which a place counts as seen; a pixel that is seen from straight above has the weight 1
 
 POINT_MARK = np.dtype([("brightness", "f8"), ("weight", "f8")])
 """The surface at a point of the ball. brightness: white is 1. weight: what it rests on, 0 where nothing is known."""
 
 
 class Sample(NamedTuple):
-    """The surface at one place as an image shows it.
+    """The ball's surface at one place, as an image shows it.
 
     Attributes:
-        weight: 0 where the image does not show the place.
-        brightness: White is 1.
-        gx: Gradient (gx, gy, gz) of the brightness by the unit normal of the place; so are `gy` and `gz`.
-        gy: See `gx`.
-        gz: See `gx`.
+        weight: Weight of the brightness; 0 if the image does not show the place.
+        brightness: Brightness of the surface, white is 1.
+        gx: Derivative of the brightness by the x component of the place's unit normal.
+        gy: Derivative by the y component.
+        gz: Derivative by the z component.
     """
 
     weight: float
@@ -39,15 +39,15 @@ class Sample(NamedTuple):
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def sample(marks: np.ndarray, m: int, view: np.ndarray, nx: float, ny: float, nz: float) -> Sample:
-    """Return what one image shows at a place.
+    """Return the ball's surface at one place, as one image shows it. The gradient is in the camera's frame.
 
     Args:
-        marks: (images, n, n) MARK.
-        m: Which image.
-        view: Its VIEW.
-        nx: Of the outward unit normal (nx, ny, nz) in the camera's frame; so are `ny` and `nz`. The gradient is by it.
-        ny: See `nx`.
-        nz: See `nx`.
+        marks: (images, n, n) MARK, the surface in all images.
+        m: Index of the image.
+        view: VIEW of this image: how the camera sees the ball.
+        nx: x component of the place's outward unit normal in the camera's frame.
+        ny: y component of this normal.
+        nz: z component of this normal.
     """
     centre = view.centre  # type: ignore[attr-defined]
     cx, cy, cz = centre[0], centre[1], centre[2]
@@ -78,16 +78,19 @@ def sample(marks: np.ndarray, m: int, view: np.ndarray, nx: float, ny: float, nz
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def sample_best(marks: np.ndarray, views: np.ndarray, frame: int, frames: int, x: float, y: float, z: float) -> Sample:
-    """Return what the camera shows that sees a place best in a frame.
+    """Return the ball's surface at one place in one frame, from the camera that sees the place best. The gradient is in `table`.
 
     Args:
-        marks: (images, n, n) MARK.
-        views: (images,) VIEW.
-        frame: Which frame.
+        marks: (images, n, n) MARK, the surface in all images.
+        views: (images,) VIEW, how a camera sees the ball in each image.
+        frame: Index of the frame.
         frames: Number of frames.
-        x: Of the outward unit normal (x, y, z) of the place in `table`; so are `y` and `z`. The gradient is by it.
-        y: See `x`.
-        z: See `x`.
+        x: x component of the place's outward unit normal in `table`.
+        y: y component of this normal.
+        z: z component of this normal.
+
+    Returns:
+        The surface; its weight is 0 if no camera shows the place.
     """
     best, cosine = -1, LIMB
     for m in range(frame, len(views), frames):
@@ -107,12 +110,15 @@ def sample_best(marks: np.ndarray, views: np.ndarray, frame: int, frames: int, x
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def first_samples(points: Array, pairs: np.ndarray, images: MarkImages) -> np.ndarray:
-    """Return each point in the first frame of each pair, (pairs, points) POINT_MARK.
+    """Return the ball's surface at each point in the first frame of each pair of frames.
 
     Args:
-        points: (n, 3) unit vectors in `table`.
-        pairs: (p, 2) frames, the earlier one first.
-        images: The marks.
+        points: (n, 3) unit vectors in `table`, outward normals of the points.
+        pairs: (p, 2) indices of frames, the earlier one first.
+        images: The ball's surface in all images.
+
+    Returns:
+        (p, n) POINT_MARK; the weight is 0 where no camera shows the point.
     """
     marks, views, frames = images.marks, images.views, len(images.times)
     out = np.zeros((len(pairs), len(points)), dtype=POINT_MARK)

@@ -1,14 +1,20 @@
-"""The spin that lays the marks of all images over each other, found without an initial guess.
+"""Registration: find the spin with which the ball's marks agree in all images of a burst, without an initial guess.
 
-Method 2 of the dissertation (Section 2.4) compares each image with the one before it and walks downhill from 1000 rpm. Here every
-rotation that can occur between two frames is tried on coarse maps of the sphere first; the best few are refined on pairs of frames,
-and the last one on all images of both cameras at once, with the unknown marks eliminated. All this is done at half the resolution;
-`register_again` refines the spin on the full one.
+"Marks" are the printed or drawn dots on the ball; a burst holds the images of one ball's passage through the high speed cameras (about six
+pairs); a frame is the images of all cameras at one instant.
 
-A registration is believed by three figures. Its residual tells how well the marks agree. It is taken on blurred marks, so that noise and
-the sharpness of the images hardly change it. Its rivals, spins that were refined in the same way, tell whether another spin fits as well:
-those far from it are found by the search, those near it by `with_near_rivals`. Its distinctness tells how much the marks disagree when
-the spin changes.
+Method 2 of the Nagoya dissertation (Section 2.4) compares each image with the one before it, and minimises the difference from a start at
+1000 rpm. Here every rotation that can occur between two frames is tried first, on coarse maps of the ball's surface. The best few are
+refined on pairs of frames. The best of these is refined on all images of both cameras at once, and the unknown marks are eliminated from
+the equations. All this is done at half the resolution; `register_again` refines the spin at the full resolution.
+
+Three numbers decide whether a registration is believed:
+
+- The residual is the disagreement of the marks between the images. It is computed from blurred marks, so that noise and the sharpness of
+  the images hardly change it.
+- The rivals are other spins, refined in the same way, that may fit as well. Those far from the spin found come from the search, those near
+  it from `with_near_rivals`.
+- The distinctness is the increase of the disagreement when the spin changes.
 """
 
 from __future__ import annotations
@@ -30,33 +36,33 @@ from .sphere_grid import fibonacci, fibonacci_single
 from .surface_map import MarkImages, SurfaceMap
 from .wide_search import ScoredSpins, aliases, score_spins
 
-CANDIDATE_DISTANCE, WIDE_DISTANCE = 0.2, 0.12  # rad a frame between kept candidates, without and with distant pairs of frames
-RIVALS = 2  # that are refined beside the candidates
-RIVAL_DISTANCE = 0.8  # rad a frame of a rival from the best candidate, two marks wide, so that it is not refined to the same spin
-SAME = 0.3  # rad a frame within which two spins are the same
-MOST_PAIR_STEP, MOST_STEP = 0.1, 0.05  # rad between two frames, largest step of the two refinements
-ROUGH_STEP, LEAST_STEP = 6.0, 1.0  # rad/s, last step of a refinement: of one that another follows, and of the last one
-LEAST_OVERLAP = 0.1  # of what one frame shows, that the next one must show too
-WIDE_KEPT = 40, 600  # candidates that are refined in the wide search, and where none of the first ones fits: near 120 deg a frame
-# every third frame looks alike whatever the axis, and only the little that neighbouring frames share tells it
-FIRST_POINTS = 800  # on the sphere, in the refinement on all images at half the resolution
+CANDIDATE_DISTANCE, WIDE_DISTANCE = 0.2, 0.12  # rad per frame, least distance of kept candidates: in the usual and in the wide search
+RIVALS = 2  # number of rivals that are refined besides the candidates
+RIVAL_DISTANCE = 0.8  # rad per frame, least distance of a rival from the best candidate: two marks, so it is not refined to the same spin
+SAME = 0.3  # rad per frame; spins that differ by less count as the same
+MOST_PAIR_STEP, MOST_STEP = 0.1, 0.05  # rad per frame, largest step of the refinements on pairs of frames and on all images
+ROUGH_STEP, LEAST_STEP = 6.0, 1.0  # rad/s; a refinement ends after a shorter step: one that another refinement follows, and the last one
+LEAST_OVERLAP = 0.1  # share of what one frame shows of the surface that the next frame must show, too
+WIDE_KEPT = 40, 600  # number of candidates that are refined in the wide search: at first, and then if none of these fits. Near 120 deg per
+# frame every third frame looks alike for any axis, and only the small part that neighbouring frames share determines the axis
+FIRST_POINTS = 800  # number of points on the ball in the refinement on all images at half the resolution
 GATE = 0.12  # residual above which a registration is not believed
-RIVAL_SHARE = 0.3  # of a rival's residual, above which a registration is not told from the rival
+RIVAL_SHARE = 0.3  # of a rival's residual; a registration with a larger residual than this cannot be told from the rival
 
-NEAR = 0.1, 0.2  # rad a frame: how far from the spin found the refinements of near rivals start
-SAME_NEAR = 0.015  # rad a frame within which two refinements have found the same spin; 130 rpm at 900 frames a second
-NEAR_RATIO = 1.5  # a near rival fits as well if its squared error is less than so many times that of the spin found
-LEAST_DISTINCTNESS = 50.0  # times the residual, below which a spin is refused. With blur or few marks that refuses 6 of 7 spins that are
-# wrong by 300 to 500 rpm, and a tenth of the right ones; of 80 bursts with many marks it refuses none
+NEAR = 0.1, 0.2  # rad per frame, distances from the spin found at which the refinements of near rivals start
+SAME_NEAR = 0.015  # rad per frame; refined spins that differ by less count as the same; 130 rpm at 900 frames per second
+NEAR_RATIO = 1.5  # a near rival fits as well if its squared error is less than this times that of the spin found
+LEAST_DISTINCTNESS = 50.0  # a spin is refused if its distinctness is below this times its residual. With blur or few marks this refuses 6
+# of 7 spins that are wrong by 300 to 500 rpm, and a tenth of the correct ones; of 80 bursts with many marks it refuses none
 DISTINCT = 30.0  # distinctness above which near rivals are not searched: of 82 bursts with near rivals none had more than 29
-DISTINCT_STEP = 8.0  # times the squared error, to which it rises on a step of NEAR[0] along the direction in which it rises least; with a
-# steeper rise near rivals are not searched either: 1 in 20 of the bursts with near rivals had one
-NEAR_POINTS = 400  # on the sphere, in the search for near rivals
+DISTINCT_STEP = 8.0  # near rivals are not searched either if the squared error rises to more than this times its value on a step of NEAR[0]
+# in the direction in which it rises least: 1 in 20 of the bursts with near rivals had such a rise
+NEAR_POINTS = 400  # number of points on the ball in the search for near rivals
 
 
 @dataclass(frozen=True)
 class SearchParams:
-    """How much is spent on the spin."""
+    """Parameters of the search for the spin, which determine its accuracy and its computing time."""
 
     pairs: int = param(9, "", "largest number of pairs of neighbouring frames on which the coarse search is scored", low=1, high=100)
     kept: int = param(
@@ -75,11 +81,11 @@ class SearchParams:
 
     @classmethod
     def fast(cls) -> SearchParams:
-        """Return parameters with which a measurement takes two thirds of the time."""
+        """Return parameters with which a measurement takes two thirds of the time, but the spin has larger errors."""
         return cls(pairs=3, kept=2, coarse_points=400, fine_points=800, second_look=False)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
 
 
@@ -88,18 +94,19 @@ DEFAULT = SearchParams()
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """A spin, and how well the marks of all images agree with it.
+    """Result of a registration: a spin, and how well the ball's marks (dots) agree in all images with this spin.
 
     Attributes:
         spin: (3,) rad/s in `table`.
-        information: (3, 3) (rad/s)^-2, of the last least squares.
-        residual: 0 for marks that agree, 1 for unrelated ones. The larger one of pairs of frames and of all images, because cameras that
-            see different balls agree each with itself.
-        candidates: How many rotations were tried.
-        marks: (n,) POINT_MARK at `fibonacci(n)` on the ball as it is turned in the middle of the burst.
+        information: (3, 3) (rad/s)^-2, normal matrix of the last least-squares fit divided by its squared error.
+        residual: Disagreement of the marks: 0 if they agree, 1 if they are unrelated. It is the larger one of the residual of pairs of
+            frames and that of all images, because the images of each camera may agree even if the cameras see different balls.
+        candidates: Number of rotations that were tried.
+        marks: (n,) POINT_MARK, brightness of the surface at the points `fibonacci(n)` of the ball, in its orientation at the mean time of
+            the frames.
         alternatives: (m, 3) rad/s, other spins that the images do not rule out.
-        distinctness: Rise of the mean squared error of the brightness, divided by that error, if the spin changes by NEAR[0] rad a frame in
-            the direction in which the rise is least; from its derivatives. Infinite until `with_near_rivals` computes it.
+        distinctness: Relative increase of the mean squared error of the brightness if the spin changes by NEAR[0] rad per frame in the
+            direction in which the increase is least; computed from derivatives. It is infinite until `with_near_rivals` computes it.
     """
 
     spin: Array
@@ -112,27 +119,27 @@ class Registration:
 
     @property
     def agrees(self) -> bool:
-        """Whether the marks of all images agree."""
+        """Whether the marks agree well enough in all images."""
         return self.residual <= GATE
 
     @property
     def is_distinct(self) -> bool:
-        """Whether a small change of the spin would make the marks of the images disagree clearly."""
+        """Whether the marks would disagree clearly between the images if the spin changed a little."""
         return self.distinctness >= LEAST_DISTINCTNESS * self.residual
 
     @property
     def is_believed(self) -> bool:
-        """Whether the marks agree, and with this spin alone."""
+        """Whether the spin is believed: the marks agree with it, and with no other spin."""
         return self.agrees and self.is_distinct and not len(self.alternatives)
 
 
 class Proposal(NamedTuple):
-    """What a search on some frames finds.
+    """Result of a search for the spin, before it is confirmed on all images.
 
     Attributes:
-        spin: (3,) rad/s, the best one.
+        spin: (3,) rad/s in `table`, the spin that fits best.
         rivals: (n, 3) rad/s, spins far from it that fit nearly as well.
-        candidates: How many were tried.
+        candidates: Number of rotations or spins that were tried.
     """
 
     spin: Array
@@ -141,13 +148,17 @@ class Proposal(NamedTuple):
 
 
 def register(surface: SoftSurface, search: SearchParams = DEFAULT, proposal: Proposal | None = None) -> Registration:
-    """Find the spin of the ball from its marks.
+    """Find the spin of the ball by registration: the spin with which the marks agree in all images.
 
     Args:
-        surface: The marks.
-        search: How much is spent. If no spin is found with it, a denser search with the default parameters follows, and then the wide one
-            if `search.max_spin` asks for it.
-        proposal: What `propose` found on fewer frames; if it is not believed on all of them, all are searched.
+        surface: The ball's surface in all images, at half the resolution.
+        search: Parameters of the search. If it finds no spin that is believed, a denser search with the default parameters follows, and
+            then a search for faster spins if `search.max_spin` is large enough.
+        proposal: Result of `propose` on some of the frames; None if there is none. If it is not believed on all images, it is not used and
+            the spin is searched.
+
+    Returns:
+        The registration with the lowest residual, or the first one that is believed; check `is_believed`.
     """
     found = list[Registration]()
     if proposal is not None:
@@ -171,7 +182,12 @@ def register(surface: SoftSurface, search: SearchParams = DEFAULT, proposal: Pro
 
 
 def propose(surface: SoftSurface, search: SearchParams = DEFAULT) -> Proposal:
-    """Return the spin that fits some of the frames of a burst best, and its rivals."""
+    """Search the spin that fits some of the frames of a burst best, and its rivals, for `register` to confirm on all frames.
+
+    Args:
+        surface: The ball's surface in these frames, at half the resolution.
+        search: Parameters of the search.
+    """
     scored = _score_turns(coarse_maps(surface), surface.blurred.times, COARSE_STEP, COARSE_TURN, search.pairs)
     return _best_of(surface, scored, CANDIDATE_DISTANCE, search)
 
@@ -179,13 +195,16 @@ def propose(surface: SoftSurface, search: SearchParams = DEFAULT) -> Proposal:
 def register_again(
     surface: SurfaceMap, found: Registration, search: SearchParams = DEFAULT, least_step: float = LEAST_STEP
 ) -> Registration:
-    """Refine a registration on a surface that is known better now; its residual stays as it is.
+    """Refine the spin of a registration on a map of the ball's surface at the full resolution. Its residual is not computed again.
 
     Args:
-        surface: The marks.
+        surface: The ball's surface in all images.
         found: The registration so far.
-        search: How many points are compared.
-        least_step: rad/s, the last step; infinite for a single one.
+        search: Parameters of the search, of which the number of points is used.
+        least_step: rad/s; the refinement ends after a shorter step. With infinity it makes a single step.
+
+    Returns:
+        The registration with new `spin`, `information` and `marks`.
     """
     points = fibonacci_single(search.fine_points)
     spin, compared = refine_on_all(found.spin, points, surface.images, _most_step(surface.images, MOST_STEP), least_step)
@@ -193,23 +212,44 @@ def register_again(
 
 
 def register_marks(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
-    """Return a registration with the marks at as many points as the refinement on the full resolution compares."""
+    """Compute the marks of a registration again at more points on the ball, as many as `register_again` uses.
+
+    Args:
+        surface: The ball's surface in all images, at half the resolution.
+        found: The registration; its spin stays as it is.
+        search: Parameters of the search, of which the number of points is used.
+
+    Returns:
+        The registration with new `marks`.
+    """
     return replace(found, marks=compare_all(found.spin, fibonacci_single(search.fine_points), surface.images).marks)
 
 
 def register_residual(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
-    """Return a registration with the residual that it has on a surface that is known better now."""
+    """Compute the residual of a registration again, on a surface that has become more accurate.
+
+    Args:
+        surface: The ball's surface in all images, at half the resolution.
+        found: The registration; its spin stays as it is.
+        search: Parameters of the search, of which the number of points is used.
+
+    Returns:
+        The registration with a new `residual`.
+    """
     return replace(found, residual=_residual(surface, found.spin, _neighbours(surface.blurred.times), search.coarse_points))
 
 
 def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
-    """Return a registration with its distinctness, and among its alternatives the spins near it that fit the marks as well.
+    """Compute the distinctness of a registration, and search spins near it that fit the marks as well.
 
-    Few marks leave several spins within some 1000 rpm to which a refinement converges.
+    If the ball has few marks, refinements can converge to several spins within some 1000 rpm of each other.
 
     Args:
-        surface: The marks.
+        surface: The ball's surface in all images, at the full resolution.
         found: The last registration of a burst.
+
+    Returns:
+        The registration with its `distinctness`, and with the near spins that were found added to its `alternatives`.
     """
     images, points = surface.images, fibonacci_single(NEAR_POINTS)
     gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_STEP)
@@ -231,7 +271,15 @@ def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
 
 
 def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, most: int) -> ScoredSpins:
-    """Return the scores of all rotations up to `largest`, rad, between neighbouring frames, on at most `most` pairs of them."""
+    """Score all rotations between neighbouring frames up to a largest angle.
+
+    Args:
+        maps: Coarse maps of the ball's surface in each frame.
+        times: (frames,) s.
+        step: rad between the rotations that are tried.
+        largest: rad, largest angle.
+        most: Largest number of pairs of frames on which the rotations are scored.
+    """
     pairs, candidates = _neighbours(times), candidate_rotations(step, largest)
     scored = pairs[np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(np.int64)]
     scores = score_candidates(maps, candidates, scored)
@@ -239,7 +287,14 @@ def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, mo
 
 
 def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params: SearchParams) -> Proposal:
-    """Refine the spins with the lowest scores and their rivals on pairs of frames."""
+    """Refine the spins with the lowest scores and their rivals on pairs of frames, and return the best one with its rivals.
+
+    Args:
+        surface: The ball's surface in all images.
+        scored: The spins with their scores.
+        distance: rad per frame, least distance between two spins that are refined.
+        params: Parameters of the search.
+    """
     images, points, pairs = surface.blurred, fibonacci(params.coarse_points), scored.pairs
     gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_PAIR_STEP)
     before = first_samples(points, pairs, images)
@@ -251,7 +306,14 @@ def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params:
 
 
 def _confirm(surface: SoftSurface, proposal: Proposal, pairs: np.ndarray, params: SearchParams) -> Registration:
-    """Refine a proposal on all images, and tell which of its rivals the images do not rule out. pairs: (p, 2) frames for the residuals."""
+    """Refine a proposal on all images, and find which of its rivals the images do not rule out.
+
+    Args:
+        surface: The ball's surface in all images.
+        proposal: The spin and its rivals.
+        pairs: (p, 2) indices of frames, the pairs on which residuals are computed.
+        params: Parameters of the search.
+    """
     images, points = surface.blurred, fibonacci_single(params.coarse_points)
     gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_STEP)
     spin = refine_on_all(proposal.spin, points, images, most, ROUGH_STEP)[0]
@@ -266,14 +328,17 @@ def _confirm(surface: SoftSurface, proposal: Proposal, pairs: np.ndarray, params
 
 @njit(cache=True, nogil=True)
 def _chosen(spins: Array, scores: np.ndarray, distance: float, kept: int, far: float) -> np.ndarray:
-    """Return which spins have the lowest scores and are not neighbours, and RIVALS that are far from the first one and from each other.
+    """Choose the spins with the lowest scores as candidates, and RIVALS further spins that are far from the best one and from each other.
 
     Args:
         spins: (n, 3) rad/s.
-        scores: (n,).
-        distance: rad/s between those that are not neighbours.
-        kept: How many of them are returned at most.
-        far: rad/s between those that are far.
+        scores: (n,) scores; lower ones are better.
+        distance: rad/s, least distance between two candidates.
+        kept: Largest number of candidates.
+        far: rad/s, least distance of a rival from the best candidate and from other rivals.
+
+    Returns:
+        Indices of the candidates, the best one first, and then of the rivals.
     """
     chosen = np.empty(kept + RIVALS, dtype=np.int64)
     free, count = np.ones(len(spins), dtype=np.bool_), 0
@@ -295,7 +360,7 @@ def _chosen(spins: Array, scores: np.ndarray, distance: float, kept: int, far: f
 
 @njit(cache=True, nogil=True)
 def _leave_out(free: np.ndarray, spins: Array, which: int, distance: float) -> None:
-    """Set `free` (n,) to False within a distance of one of the spins (n, 3)."""
+    """Set `free` (n,) to False for all spins (n, 3) within a distance (rad/s) of the spin with the index `which`."""
     for i in range(len(spins)):
         x, y, z = spins[i, 0] - spins[which, 0], spins[i, 1] - spins[which, 1], spins[i, 2] - spins[which, 2]
         if x * x + y * y + z * z <= distance * distance:
@@ -303,7 +368,7 @@ def _leave_out(free: np.ndarray, spins: Array, which: int, distance: float) -> N
 
 
 def _apart(spins: Sequence[Array], best: Array, distance: float) -> Array:
-    """Return the spins (n, 3) that are further than `distance` from the best one and from each other, rad/s."""
+    """Return those spins (n, 3) that are farther than `distance` (rad/s) from `best` and from those returned before them."""
     kept = [best]
     for spin in spins:
         if all(np.linalg.norm(spin - other) > distance for other in kept):
@@ -312,7 +377,7 @@ def _apart(spins: Sequence[Array], best: Array, distance: float) -> Array:
 
 
 def _residual(surface: SoftSurface, spin: Array, pairs: np.ndarray, count: int) -> float:
-    """Return the residual of a spin, on the blurred marks at `count` points."""
+    """Return the residual of a spin, computed from the blurred marks at `count` points; see `Registration.residual`."""
     images, points = surface.blurred, fibonacci(count)
     before = first_samples(points, pairs, images)
     pair = compare_pairs(spin, points, before, pairs, images, 0.0)
@@ -322,17 +387,17 @@ def _residual(surface: SoftSurface, spin: Array, pairs: np.ndarray, count: int) 
 
 
 def _neighbours(times: Array) -> np.ndarray:
-    """Return the pairs (p, 2) of frames that follow each other; a lost frame leaves a longer gap."""
+    """Return the pairs (p, 2) of frames that follow each other directly, without a lost frame between them."""
     gaps = np.diff(times)
     first = np.flatnonzero(gaps < 1.5 * gaps.min())
     return np.stack([first, first + 1], axis=1)
 
 
 def _most_step(images: MarkImages, turn: float) -> float:
-    """Return the spin, rad/s, that turns the ball by `turn` in the shortest time between frames."""
+    """Return the spin, rad/s, that turns the ball by `turn` (rad) in the shortest time between two frames."""
     return turn / float(np.diff(images.times).min())
 
 
 def _information(compared: Comparison, points: int) -> Array:
-    """Return the information (3, 3), as if the default number of points had been compared."""
+    """Return the information (3, 3), (rad/s)^-2, scaled to the default number of points on the ball."""
     return DEFAULT.fine_points / points * compared.normal_matrix / max(compared.error, 1e-12)

@@ -1,4 +1,4 @@
-"""The light on the ball fitted again, once the marks are known: it shines from marks and white alike."""
+"""Fit the light on the ball again, once its marks (the printed or drawn dots) are known; then pixels on marks can be used, too."""
 
 from __future__ import annotations
 
@@ -12,19 +12,23 @@ from .ball_marks import BallMarks, ball_marks, mark_at
 from .registration import Registration
 from .surface_map import SurfaceMap
 
-LEAST_MARK_WEIGHT = 0.3  # of 1 for a pixel seen straight on, on which a mark must rest
-LEAST_KEPT = 0.8  # of what a camera shows, that it must show under the new light: 0.94 and more is usual, 0 with marks of another ball
+LEAST_MARK_WEIGHT = 0.3  # least weight of the known brightness of a place; one pixel that is seen from straight above has the weight 1
+LEAST_KEPT = 0.8  # least share of what a camera shows of the ball that it must show with the new light: 0.94 and more is usual, 0 with
+# marks of another ball
 
 
 def relight(surface: SurfaceMap, found: Registration, shown: Array) -> SurfaceMap:
-    """Return the surface under light that is fitted with the marks of a registration.
+    """Fit the light again with the marks of a registration, and divide the images by the new light.
 
-    The light stays the same if the lamps are calibrated, or if a camera would show much less of the ball under the new light.
+    The light so far is used if the lamps are calibrated, or if a camera would show much less of the ball with the new light.
 
     Args:
-        surface: The ball under the light so far.
-        found: The registration.
-        shown: (cameras,) pixels, weighted, of the ball that each camera shows well enough under the light so far.
+        surface: The ball in all images, with the light so far.
+        found: The registration: the spin and the marks (dots on the ball).
+        shown: (cameras,) how much of the ball each camera shows well with the light so far: the sum of the weights of its pixels.
+
+    Returns:
+        The ball's surface in all images, with the effect of the light divided out.
     """
     if surface.illumination.is_calibrated:
         return surface.lit_by(surface.illumination)
@@ -35,13 +39,16 @@ def relight(surface: SurfaceMap, found: Registration, shown: Array) -> SurfaceMa
 
 
 def _shown(surface: SurfaceMap, cameras: int) -> Array:
-    """Return how much of the ball each camera shows well enough, (cameras,) pixels, weighted."""
+    """Return how much of the ball each camera shows well: the sum (cameras,) of the weights of its pixels."""
     return np.asarray(surface.images.marks["weight"].reshape(cameras, -1).sum(axis=1, dtype=np.float64))
 
 
 @njit(cache=True, nogil=True)
 def _albedo(normals: np.ndarray, known: BallMarks) -> np.ndarray:
-    """Return the marks in every third pixel of every third row, (images, size, size) float32, 0 where they are not known."""
+    """Return the brightness of the ball's surface in every third pixel of every third row, (images, size, size) float32.
+
+    White is 1. It is 0 in all other pixels, and where the brightness is not known.
+    """
     out, size = np.zeros(normals.shape, dtype=np.float32), normals.shape[1]
     marks, texels = known.marks, known.texels
     for m in range(len(normals)):

@@ -1,4 +1,4 @@
-"""Points spread evenly over a sphere, and which of them is nearest to a direction."""
+"""Points that are spread evenly over a sphere, and a cube map that gives the point nearest to a direction."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tt_core.states import Array
 
 @functools.cache
 def fibonacci(n: int) -> Array:
-    """Return n unit vectors (n, 3), evenly spread over the sphere: the Fibonacci lattice."""
+    """Return n unit vectors (n, 3) that are evenly spread over the sphere (Fibonacci lattice). The array is shared; do not change it."""
     i = np.arange(n) + 0.5
     z = 1.0 - 2.0 * i / n
     angle = math.pi * (3.0 - math.sqrt(5.0)) * i
@@ -21,22 +21,37 @@ def fibonacci(n: int) -> Array:
 
 @functools.cache
 def fibonacci_single(n: int) -> np.ndarray:
-    """Return `fibonacci(n)` in single precision."""
+    """Return the unit vectors `fibonacci(n)`, (n, 3), in single precision (float32)."""
     return fibonacci(n).astype(np.float32)
 
 
 @functools.cache
 def cube(n: int, edge: int) -> np.ndarray:
-    """Return the index of the nearest of fibonacci(n) for each texel on the faces of a cube, (6, edge, edge) int16.
+    """Return a cube map of the nearest points: for each cell of the six faces of a cube around the sphere the index of a point.
 
-    The faces are +x, -x, +y, -y, +z, -z.
+    Args:
+        n: Number of points on the sphere, those of `fibonacci(n)`.
+        edge: Number of cells along an edge of the cube.
+
+    Returns:
+        (6, edge, edge) int16: the index of the point nearest to the direction of the cell's centre. The faces are +x, -x, +y, -y, +z, -z.
     """
     return _make_cube(fibonacci(n), edge)
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def nearest(cube: np.ndarray, x: float, y: float, z: float) -> int:
-    """Return the index of the point nearest to the direction (x, y, z), to a texel of the cube."""
+    """Look up the point on the sphere that is nearest to a direction, as accurately as the cells of the cube map allow.
+
+    Args:
+        cube: (6, edge, edge) from the function `cube`.
+        x: x component of the direction, whose length does not matter.
+        y: y component of the direction.
+        z: z component of the direction.
+
+    Returns:
+        The index of the point.
+    """
     n = cube.shape[1]
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:

@@ -1,4 +1,7 @@
-"""From grey levels to marks: where each pixel lies on the ball, and the light divided out."""
+"""The ball's surface in the images: where each pixel lies on the ball, and its brightness after the effect of the light is divided out.
+
+"Marks" are the printed or drawn dots on the ball, which are dark in this brightness; white is 1.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +20,12 @@ from ..detection.illumination import LIMB, NORMAL, Illumination, camera_light, g
 from ..motion_fit import BallMotion
 from ..projection import Optics, project_point, ray
 
-FULL_WEIGHT = 0.55  # cosine to the line of sight from which on a pixel counts fully; below LIMB it does not count
-LEAST_COSINE = 0.05  # to the line of sight, below which nothing is divided by the light
-LEAST_LIGHT = 0.15  # of the brightest pixel: below it marks drown in noise
-FULL_LIGHT = 0.5  # of the brightest pixel: from there on a pixel counts fully
-MARK_RANGE = (-0.3, 1.5)  # brightness that a mark may have; white is 1
-BORDER = 4  # pixels around the ball that are cut out with it
+FULL_WEIGHT = 0.55  # cosine between normal and line of sight from which on a pixel has its full weight; below LIMB its weight is 0
+LEAST_COSINE = 0.05  # cosine between normal and line of sight below which a pixel is not divided by the light
+LEAST_LIGHT = 0.15  # least light in a pixel, relative to the brightest pixel; with less light marks cannot be told from noise
+FULL_LIGHT = 0.5  # light, relative to the brightest pixel, from which on a pixel has its full weight
+MARK_RANGE = (-0.3, 1.5)  # lowest and highest brightness of a pixel; white is 1
+BORDER = 4  # pixels, width of the border around the ball that is cut out with it
 
 VIEW = np.dtype(
     [
@@ -47,13 +50,14 @@ along the row and along the column."""
 
 
 class MarkImages(NamedTuple):
-    """The marks in every image of a burst, as the kernels compare them.
+    """The ball's surface in every image of a burst (the images of one ball's passage), as the compiled functions compare it.
 
     Attributes:
-        marks: (images, n, n) MARK, cut out around the ball, camera by camera.
-        views: (images,) VIEW.
-        frame_of: (images,) which frame an image is of.
-        times: (frames,) s, from the middle of the burst on.
+        marks: (images, n, n) MARK, brightness, weight and slopes in each pixel of a square around the ball; all images of the first camera
+            come first.
+        views: (images,) VIEW, how a camera sees the ball in each image.
+        frame_of: (images,) index of the frame of each image.
+        times: (frames,) s, times of the frames relative to their mean.
     """
 
     marks: np.ndarray
@@ -64,13 +68,13 @@ class MarkImages(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMap:
-    """The ball's surface in every image of a burst, the light divided out.
+    """The ball's surface in every image of a burst (the images of one ball's passage), with the effect of the light divided out.
 
     Attributes:
-        images: The marks; of size 0 before the light is divided out.
-        stack: (images, n, n) float32 grey levels over the background, from which the marks come.
-        normals: (images, n, n) NORMAL.
-        illumination: The light that is divided out.
+        images: The surface with the views of the cameras; its `marks` are empty before the light is divided out.
+        stack: (images, n, n) float32, the images as cut out, grey levels over the background.
+        normals: (images, n, n) NORMAL, the ball's normal in each pixel.
+        illumination: The light by which the images are divided.
     """
 
     images: MarkImages
@@ -79,24 +83,31 @@ class SurfaceMap:
     illumination: Illumination
 
     def lit_by(self, light: Illumination) -> SurfaceMap:
-        """Return the map under another light."""
+        """Return the map in which the images are divided by another light."""
         brightness, weights = divide_light(self.stack, self.normals, self.images.views, light, float(self.stack.max()))
         return replace(self, images=self.images._replace(marks=with_slopes(brightness, weights)), illumination=light)
 
     def moved_to(self, motion: BallMotion, burst: Burst) -> SurfaceMap:
-        """Return the same marks on a ball that is elsewhere by a part of a pixel."""
+        """Return the same images for a motion of the ball that is known more accurately and differs by less than a pixel or so.
+
+        Only the ball's centre and the direction to the camera are replaced; the images are not cut out again.
+
+        Args:
+            motion: The new motion.
+            burst: The burst of this map.
+        """
         views, fresh = self.images.views.copy(), motion_views(motion, burst)
         views["centre"], views["towards_camera"] = fresh["centre"], fresh["towards_camera"]
         return replace(self, images=self.images._replace(views=views))
 
 
 def cut_surface(burst: Burst, motion: BallMotion, light: Illumination) -> SurfaceMap:
-    """Cut the ball out of every image of a burst; the light is still to be divided out.
+    """Cut the ball out of every image of a burst. The light is stored, but the images are not divided by it yet; see `SurfaceMap.lit_by`.
 
     Args:
-        burst: A burst with cameras and detections.
-        motion: Where the ball is.
-        light: What lights it.
+        burst: A burst (the images of one ball's passage) with cameras and detections.
+        motion: Motion of the ball.
+        light: The light on the ball.
     """
     views = motion_views(motion, burst)
     reach = float((views["focal"] * BALL_RADIUS / views["centre"][:, 2]).max())
@@ -113,7 +124,15 @@ def cut_surface(burst: Burst, motion: BallMotion, light: Illumination) -> Surfac
 
 
 def motion_views(motion: BallMotion, burst: Burst) -> np.ndarray:
-    """Return (images,) VIEW with the principal point still counted from the image's corner."""
+    """Return how the cameras see the ball in all images of a burst: (images,) VIEW of the whole images.
+
+    Args:
+        motion: Motion of the ball, which gives its position in each frame.
+        burst: The burst, with cameras.
+
+    Returns:
+        (images,) VIEW with all images of the first camera first, and the principal point relative to the corner of the whole image.
+    """
     positions, frames = motion.positions(burst.times), len(burst)
     views = np.zeros(len(burst.cameras) * frames, dtype=VIEW)
     for c, (camera, (du, dv)) in enumerate(zip(burst.cameras, motion.alignment, strict=True)):
@@ -129,7 +148,7 @@ def motion_views(motion: BallMotion, burst: Burst) -> np.ndarray:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def view_optics(view: np.ndarray) -> Optics:
-    """Return the intrinsics of a VIEW."""
+    """Return the intrinsics in one element of dtype VIEW."""
     d = view.distortion  # type: ignore[attr-defined]
     u0, v0 = view.principal_point[0], view.principal_point[1]  # type: ignore[attr-defined]
     return Optics(view.focal, u0, v0, d[0], d[1], d[2], d[3], d[4])  # type: ignore[attr-defined]
@@ -137,7 +156,15 @@ def view_optics(view: np.ndarray) -> Optics:
 
 @njit(cache=True, nogil=True)
 def cut_out(image: np.ndarray, u: int, v: int, background: float, out: np.ndarray) -> None:
-    """Fill `out` (size, size) with the grey levels over the background from the corner (u, v) on, the image's edge continued outside."""
+    """Cut a square out of an image, with the background subtracted. Outside the image the pixels at its edge are repeated.
+
+    Args:
+        image: (h, w) uint8 or uint16.
+        u: Column of the square's upper left corner, pixels.
+        v: Row of this corner, pixels.
+        background: Grey level of the background.
+        out: (size, size) filled with the grey levels over the background.
+    """
     height, width = image.shape
     for j in range(out.shape[0]):
         row = min(height - 1, max(0, v + j))
@@ -147,7 +174,7 @@ def cut_out(image: np.ndarray, u: int, v: int, background: float, out: np.ndarra
 
 @njit(cache=True, nogil=True)
 def view_middles(views: np.ndarray) -> Array:
-    """Return where the ball's centre is seen in each view, (images, 2) pixels."""
+    """Return the pixel (images, 2) at which the ball's centre is seen in each view; `views`: (images,) VIEW."""
     out = np.empty((len(views), 2))
     for m in range(len(views)):
         x, y, z = views[m].centre
@@ -157,7 +184,15 @@ def view_middles(views: np.ndarray) -> Array:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pixel_normals(size: int, views: np.ndarray) -> np.ndarray:
-    """Return the normal of the ball in each pixel, (images, size, size) NORMAL."""
+    """Compute the ball's outward normal in each pixel of the images.
+
+    Args:
+        size: Width and height of the images, pixels.
+        views: (images,) VIEW, how a camera sees the ball in each image.
+
+    Returns:
+        (images, size, size) NORMAL; 0 in a pixel beside the ball.
+    """
     out, per_radius = np.zeros((len(views), size, size), dtype=NORMAL), 1.0 / BALL_RADIUS
     for m in range(len(views)):
         optics = view_optics(views[m])
@@ -184,21 +219,24 @@ def pixel_normals(size: int, views: np.ndarray) -> np.ndarray:
 def divide_light(
     stack: np.ndarray, normals: np.ndarray, views: np.ndarray, light: Illumination, top: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return brightness and weights of the surface, both (images, size, size) float32.
+    """Divide the images by the light, which leaves the brightness of the ball's surface itself.
 
     Args:
         stack: (images, size, size) float32 grey levels over the background.
-        normals: (images, size, size) NORMAL.
-        views: (images,) VIEW.
-        light: Of the images.
-        top: Grey level of the brightest pixel.
+        normals: (images, size, size) NORMAL, the ball's normal in each pixel.
+        views: (images,) VIEW, how a camera sees the ball in each image.
+        light: The light on the ball in these images.
+        top: Grey level of the brightest pixel, over the background.
+
+    Returns:
+        The brightness (white is 1) and the weight of each pixel (0 where the surface is not known), both (images, size, size) float32.
     """
     return _divide(stack, normals, np.ascontiguousarray(views["centre"]), light, top)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _divide(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illumination, top: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the same as `divide_light`. centres: (images, 3) m, the ball's centre in the camera's frame."""
+    """Compiled part of `divide_light`, with the same arguments but `centres`: (images, 3) m, the ball's centre in the camera's frame."""
     brightness, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
     images, size, cameras = stack.shape[0], stack.shape[1], len(light.harmonics)
     low, high = MARK_RANGE
@@ -224,7 +262,12 @@ def _divide(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illum
 
 @njit(cache=True, nogil=True, fastmath=True)
 def mark_variance(values: np.ndarray, weights: np.ndarray) -> float:
-    """Return the weighted variance of values near 1."""
+    """Return the weighted variance of brightness values; it is accurate for values near 1 (white).
+
+    Args:
+        values: Brightness, of any shape.
+        weights: Weights, of the same shape.
+    """
     total, first, second = 1e-12, 0.0, 0.0
     flat, mass = values.ravel(), weights.ravel()
     for i in range(len(flat)):
@@ -235,9 +278,14 @@ def mark_variance(values: np.ndarray, weights: np.ndarray) -> float:
 
 @njit(cache=True, nogil=True)
 def with_slopes(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return (images, size, size) MARK.
+    """Combine the brightness of the ball's surface, its weights and its slopes in one array (images, size, size) of dtype MARK.
 
-    The slopes are central differences: interpolated like the brightness, they are smooth from pixel to pixel.
+    The slopes are central differences of the brightness, so that they are smooth from pixel to pixel when they are interpolated. The pixels
+    at the edge of each image are 0.
+
+    Args:
+        values: (images, size, size) float32, brightness.
+        weights: (images, size, size) float32, weight of each pixel.
     """
     out, size = np.zeros(values.shape, dtype=MARK), values.shape[1]
     half = np.float32(0.5)

@@ -1,4 +1,4 @@
-"""The score of spins that turn the ball by any angle between two frames, from pairs of frames at several distances in time."""
+"""The wide search: scores of spins that may turn the ball by any angle between two frames, from pairs of frames several frames apart."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from tt_core.states import Array
 
 from .coarse_search import CoarseMaps, candidate_rotations, lattice, score_candidates
 
-GRID_STEP = 0.14  # rad between the rotations whose scores are looked up
-SPIN_STEP = 0.06  # rad that neighbouring spins turn the ball apart from each other, in the shortest time between frames
-DISTANCES = 5  # of pairs in time: a ball that turns by 72 to 180 deg a frame comes back within 50 deg of a place after 2 to 5 frames
-SAME_DISTANCE = 0.02  # of the shortest time between frames, within which distances count as the same
+GRID_STEP = 0.14  # rad between neighbouring rotations for which scores are computed
+SPIN_STEP = 0.06  # rad per frame between neighbouring spins that are tried
+DISTANCES = 5  # number of time differences of pairs: a ball that turns by 72 to 180 deg per frame is back within 50 deg after 2 to 5 frames
+SAME_DISTANCE = 0.02  # of the shortest time between frames; time differences that agree within it count as the same
 
 
 class ScoredSpins(NamedTuple):
-    """Spins and how well they fit.
+    """Spins with their scores, which tell how well the ball's marks (dots) agree with each spin.
 
     Attributes:
         spins: (n, 3) rad/s in `table`.
-        scores: (n,) 0 for unrelated marks, less for marks that agree.
-        pairs: (p, 2) the frames that were compared, the earlier one first.
+        scores: (n,) score of each spin: about 0 if the marks are unrelated, the lower the better they agree.
+        pairs: (p, 2) indices of the pairs of frames for the refinement of the spins, the earlier one first.
     """
 
     spins: Array
@@ -32,15 +32,15 @@ class ScoredSpins(NamedTuple):
 
 
 def score_spins(maps: CoarseMaps, times: Array, max_spin: float) -> ScoredSpins:
-    """Return the scores of all spins up to `max_spin` that images at these times can tell apart.
+    """Score all spins up to a largest one that can be distinguished by images at the given times.
 
-    Frames at equal distances do not tell a spin from one with a whole turn more between two frames. Only the slowest of such spins is
-    listed; `aliases` tells the others.
+    With equal times between the frames, a spin cannot be told from one that turns the ball by a whole turn more between two frames. Only
+    the slowest of such spins is scored; `aliases` returns the others.
 
     Args:
-        maps: From `coarse_maps`.
+        maps: Coarse maps of the ball's surface in each frame, from `coarse_maps`.
         times: (frames,) s, rising.
-        max_spin: rad/s.
+        max_spin: rad/s, largest spin.
     """
     gap, groups = float(np.diff(times).min()), _pairs_by_distance(times)
     grid = candidate_rotations(GRID_STEP, math.pi + GRID_STEP)
@@ -51,7 +51,16 @@ def score_spins(maps: CoarseMaps, times: Array, max_spin: float) -> ScoredSpins:
 
 
 def aliases(spin: Array, gap: float, max_spin: float) -> Array:
-    """Return the other spins (n, 3), rad/s, up to `max_spin`, that differ from `spin` by whole turns in the time `gap`, s."""
+    """Return the other spins about the same axis that turn the ball by whole turns more or less between two frames.
+
+    Args:
+        spin: (3,) rad/s.
+        gap: s, time between two frames.
+        max_spin: rad/s, largest spin that is returned.
+
+    Returns:
+        (n, 3) rad/s; n = 0 if there are none.
+    """
     speed = float(np.linalg.norm(spin))
     axis = spin / speed if speed > 0.0 else np.array([0.0, 0.0, 1.0])
     turn = 2.0 * math.pi / gap
@@ -60,7 +69,7 @@ def aliases(spin: Array, gap: float, max_spin: float) -> Array:
 
 
 def _pairs_by_distance(times: Array) -> list[np.ndarray]:
-    """Return the pairs (p, 2) of frames of each of the shortest distances in time."""
+    """Return the pairs (p, 2) of frames, one array for each of the DISTANCES shortest time differences."""
     first, second = np.triu_indices(len(times), 1)
     distances = times[second] - times[first]
     order = np.argsort(distances, kind="stable")
@@ -71,7 +80,7 @@ def _pairs_by_distance(times: Array) -> list[np.ndarray]:
 
 
 def _index(rotations: Array) -> np.ndarray:
-    """Return the number of each rotation of a body-centred lattice by its place, (2, n, n, n) int32; -1 where there is none."""
+    """Return a table (2, n, n, n) int32 of the index of each rotation by its place in the body-centred lattice; -1 where there is none."""
     edge = GRID_STEP * 2.0 ** (1 / 3)
     half = math.ceil(float(np.abs(rotations).max()) / edge) + 1
     index = np.full((2, 2 * half + 1, 2 * half + 1, 2 * half + 1), -1, dtype=np.int32)
@@ -84,7 +93,15 @@ def _index(rotations: Array) -> np.ndarray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look_up(spins: Array, distances: Array, scores: np.ndarray, index: np.ndarray, step: float) -> np.ndarray:
-    """Return the sum (spins,) of the scores of the rotations by which each spin turns the ball in each distance in time."""
+    """Return the score of each spin: the sum over the time differences of the score of the rotation by which it turns the ball.
+
+    Args:
+        spins: (n, 3) rad/s.
+        distances: (d,) s, time differences.
+        scores: (d, rotations) scores of the rotations for each time difference.
+        index: Index of the rotation at each place of the lattice, from `_index`.
+        step: rad between neighbouring rotations.
+    """
     edge, half = step * 2.0 ** (1 / 3), index.shape[1] // 2
     out = np.zeros(len(spins), dtype=np.float32)
     for s in range(len(spins)):

@@ -1,7 +1,8 @@
-"""The ball over time from whatever sees it: a measured state, positions, or pixels of wide cameras.
+"""Tracking of the ball over time from measured states of the ball, measured positions, and the pixels at which wide cameras see it.
 
-`Tracker` is the facade. It fits one flight to the measurements of the last moments (`window_fit`), keeps them in order of their stamps
-(`history`), and finds a ball that nothing announced (`cold_start`).
+`Tracker` is the class to use. It keeps the measurements of a window of time, the last 0.4 s or so, in order of their stamps (`history`),
+fits one flight to them (`window_fit`), computes the ball at any time from the fit (`prediction`), and finds a ball for which there is no
+measured state to start from (`cold_start`).
 """
 
 from .params import TrackerParams

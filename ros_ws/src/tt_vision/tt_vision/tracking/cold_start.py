@@ -1,8 +1,8 @@
-"""Find a ball that nothing announced, from a few positions or pixels, some of which may be wrong.
+"""Find a ball without a known state to start from, in a few measured positions or pixels, some of which may be wrong.
 
-Over a short time a flight is nearly a parabola under gravity, and positions as well as rays through pixels are linear in its place and
-velocity. Parabolas through three measurements each are tried, and the one that most others agree with is kept (consensus, Fischler and
-Bolles 1981), all triples in turn, so that equal input gives equal output.
+Over a short time a flight is nearly a parabola under gravity, and the equations of measured positions and of rays through pixels are linear
+in its position and velocity. A parabola is fitted to each triple of measurements, and the one that agrees with most other measurements is
+kept (consensus, Fischler and Bolles 1981). All triples are tried in turn, so that equal input gives equal output.
 """
 
 from __future__ import annotations
@@ -15,20 +15,24 @@ from tt_core.constants import GRAVITY
 from ..projection import project_from_table, ray, unpack_camera
 from .history import POSITION, Measurements, select
 
-MOST = 12  # measurements that are looked at: 220 triples
-SPAN = 0.15  # s, from the first to the last of these
-FAST_SPAN = 0.05  # s: MOST measurements are spread over this time, if more arrive within it
+MOST = 12  # largest number of measurements that are compared: 220 triples
+SPAN = 0.15  # s, longest time between the first and the last of these measurements
+FAST_SPAN = 0.05  # s; if more than MOST measurements arrive within this time, MOST of them are chosen, evenly spread
 EQUATIONS = 12  # least number of coordinates that must agree; six determine a parabola
-SHARE = 0.6  # of the coordinates that must agree
-UNKNOWN_ACCELERATION = 12.0  # m/s^2, of drag and lift, which the parabola does not know
-SIGMAS = 4.0  # standard deviations at which a measurement agrees
-WIDENINGS = 4  # doublings of the standard deviations, if they were told too small
-RIDGE = 1e-9  # of the normal equations
-WIDEST = 100.0  # m, of a place, and m/s of a velocity, that makes sense
+SHARE = 0.6  # least share of the coordinates that must agree
+UNKNOWN_ACCELERATION = 12.0  # m/s^2, by drag and lift, which the parabola leaves out
+SIGMAS = 4.0  # largest distance, in standard deviations, at which a measurement agrees
+WIDENINGS = 4  # how many standard deviations are tried: those given, then each time twice as large, in case they were too small
+RIDGE = 1e-9  # added to the diagonal of the scaled normal equations
+WIDEST = 100.0  # m and m/s, largest coordinate of a position and of a velocity that is plausible
 
 
 def count_within(times: Array) -> int:
-    """Return how many of the measurements at `times` (n,), from the first on, are looked at together."""
+    """Return how many measurements, from the first on, are searched together for a ball.
+
+    Args:
+        times: (n,) s, stamps of the measurements, not decreasing.
+    """
     if len(times) == 0:
         return 0
     within, fast = np.searchsorted(times, [times[0] + SPAN, times[0] + FAST_SPAN], side="right")
@@ -36,14 +40,17 @@ def count_within(times: Array) -> int:
 
 
 def find(seen: Measurements, cameras: Array) -> Array | None:
-    """Find place and velocity of a ball.
+    """Find the position and the velocity of a ball in measurements, some of which may be wrong.
+
+    At most MOST of the measurements, evenly spread, are compared.
 
     Args:
-        seen: Measurements; `used` is set for those that agree, of at most MOST that are looked at.
-        cameras: (c, 20) `Camera.vector`.
+        seen: Measurements in a short time, see `count_within`. `used` is set to True for those that were compared and agree with the ball,
+            to False for all others.
+        cameras: (c, 20) `Camera.vector` of each camera.
 
     Returns:
-        (6,) place (m) and velocity (m/s) at the first measurement that agrees, or None if too few agree.
+        (6,) position (m) and velocity (m/s) in `table` at the time of the first measurement that agrees; None if too few agree.
     """
     chosen = np.unique(np.linspace(0, len(seen.times) - 1, min(MOST, len(seen.times))).astype(np.int64))
     few, parabola = select(seen, chosen), np.empty(6)
@@ -55,7 +62,7 @@ def find(seen: Measurements, cameras: Array) -> Array | None:
 
 @njit(cache=True)
 def _add(normal: Array, right: Array, a: Array, time: float, b: float) -> None:
-    """Add the equation a (p + v t) = b for place p and velocity v, each (3,)."""
+    """Add one equation to the normal equations: a . (p + v time) = b, for position p and velocity v, each (3,)."""
     row = np.empty(6)
     row[:3] = a
     row[3:] = a * time
@@ -67,7 +74,16 @@ def _add(normal: Array, right: Array, a: Array, time: float, b: float) -> None:
 
 @njit(cache=True)
 def _sum(i: int, middle: float, seen: Measurements, cameras: Array, normal: Array, right: Array) -> None:
-    """Add the equations of measurement i for place and velocity at the time `middle`, in standard deviations."""
+    """Add the equations of one measurement, divided by its standard deviation, to the normal equations of a parabola.
+
+    Args:
+        i: Index of the measurement.
+        middle: s, time at which position and velocity of the parabola are the unknowns.
+        seen: All measurements.
+        cameras: (c, 20) `Camera.vector` of each camera.
+        normal: (6, 6) normal matrix, increased in place.
+        right: (6,) right side, increased in place.
+    """
     time, a = seen.times[i] - middle, np.empty(3)
     fall = 0.5 * GRAVITY * time * time
     if seen.cameras[i] == POSITION:
@@ -89,7 +105,16 @@ def _sum(i: int, middle: float, seen: Measurements, cameras: Array, normal: Arra
 
 @njit(cache=True)
 def _agrees(i: int, middle: float, parabola: Array, wide: float, seen: Measurements, cameras: Array) -> bool:
-    """Tell whether measurement i lies near a parabola (6,); wide: factor on its standard deviations."""
+    """Return whether a measurement agrees with a parabola.
+
+    Args:
+        i: Index of the measurement.
+        middle: s, time at which the parabola has its position and velocity.
+        parabola: (6,) position (m) and velocity (m/s) at that time.
+        wide: Factor on the standard deviation of the measurement.
+        seen: All measurements.
+        cameras: (c, 20) `Camera.vector` of each camera.
+    """
     time, place = seen.times[i] - middle, np.empty(3)
     for k in range(3):
         place[k] = parabola[k] + time * parabola[3 + k]
@@ -115,7 +140,18 @@ def _agrees(i: int, middle: float, parabola: Array, wide: float, seen: Measureme
 
 @njit(cache=True)
 def _solve(chosen: Array, middle: float, seen: Measurements, cameras: Array, parabola: Array) -> bool:
-    """Fill the parabola (6,) that fits the measurements i with chosen[i] > 0; False if they do not determine one that makes sense."""
+    """Fit a parabola to the measurements i with chosen[i] > 0 by least squares.
+
+    Args:
+        chosen: (n,) which measurements are fitted.
+        middle: s, time of the parabola's position and velocity.
+        seen: All measurements.
+        cameras: (c, 20) `Camera.vector` of each camera.
+        parabola: (6,) filled with position (m) and velocity (m/s).
+
+    Returns:
+        Whether the result is plausible: no coordinate exceeds WIDEST.
+    """
     normal, right = np.zeros((6, 6)), np.zeros(6)
     for i in range(len(seen.times)):
         if chosen[i] > 0.0:
@@ -130,7 +166,11 @@ def _solve(chosen: Array, middle: float, seen: Measurements, cameras: Array, par
 
 @njit(cache=True)
 def _count(middle: float, parabola: Array, wide: float, seen: Measurements, cameras: Array, agree: Array) -> int:
-    """Fill agree (n,) with 1 for each measurement that lies near the parabola, else 0; return the number of their coordinates."""
+    """Find the measurements that agree with a parabola; see `_agrees` for the arguments.
+
+    Returns:
+        The number of coordinates of these measurements. `agree` (n,) is filled with 1 for each of them, with 0 for the others.
+    """
     total = 0
     for i in range(len(seen.times)):
         agree[i] = 1.0 if _agrees(i, middle, parabola, wide, seen, cameras) else 0.0
@@ -141,15 +181,15 @@ def _count(middle: float, parabola: Array, wide: float, seen: Measurements, came
 
 @njit(cache=True)
 def find_parabola(seen: Measurements, cameras: Array, parabola: Array) -> bool:
-    """Find place and velocity of a ball.
+    """Find the parabola under gravity that agrees with most of a few measurements; all triples of them are tried.
 
     Args:
-        seen: A few measurements; `used` is set for those that agree.
-        cameras: (c, 20) `Camera.vector`.
-        parabola: (6,) filled with place (m) and velocity (m/s) at the first measurement that agrees.
+        seen: At most about MOST measurements. If a parabola is found, `used` is set for each of them: whether it agrees.
+        cameras: (c, 20) `Camera.vector` of each camera.
+        parabola: (6,) filled with position (m) and velocity (m/s) in `table` at the time of the first measurement that agrees.
 
     Returns:
-        Whether enough measurements agree.
+        Whether a parabola with which enough measurements agree was found.
     """
     n = len(seen.times)
     coordinates = 0

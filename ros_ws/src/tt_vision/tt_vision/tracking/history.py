@@ -1,4 +1,4 @@
-"""The measurements of the last moments, in order of their stamps."""
+"""The measurements of the tracker's window of time, in order of their stamps."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import numpy as np
 import numpy.typing as npt
 from tt_core.states import Array
 
-CAPACITY = 512  # measurements: 0.4 s of four cameras at 300 Hz
-POSITION = -1  # in place of a camera: a position
+CAPACITY = 512  # largest number of measurements: 0.4 s of four cameras at 300 Hz
+POSITION = -1  # in place of the index of a camera: the measurement is a position, not a pixel
 
 
 class Measurements(NamedTuple):
-    """Measurements as kernels take them.
+    """Measurements of the ball as arrays, for compiled functions: pixels seen by cameras and measured positions.
 
     Attributes:
-        times: (n,) s, not decreasing.
-        cameras: (n,) index of the camera, or POSITION.
-        values: (n, 3) position in m, or the pixel and 0.
-        roots: (n, 3, 3) inverse of the Cholesky factor of the covariance; of a pixel only [0, 0] counts, 1 over its standard deviation.
-        used: (n,) whether the fit uses it.
+        times: (n,) s, stamps, not decreasing.
+        cameras: (n,) index of the camera of a pixel; POSITION for a measured position.
+        values: (n, 3) position in m in `table`; for a pixel its column, its row, and 0.
+        roots: (n, 3, 3) inverse of the Cholesky factor of the covariance of a position, 1/m. For a pixel only [0, 0] is used, which is 1
+            divided by its standard deviation in pixels.
+        used: (n,) whether the fit uses the measurement; outliers are not used.
     """
 
     times: Array
@@ -31,16 +32,25 @@ class Measurements(NamedTuple):
 
 
 def select(measurements: Measurements, which: Any) -> Measurements:
-    """Return some of the measurements; which: any index of an array."""
+    """Return some of the measurements.
+
+    Args:
+        measurements: The measurements.
+        which: Index of NumPy for the first axis that keeps this axis: a slice, or an array of integers or of bool. With a slice the result
+            shares its memory with `measurements`.
+    """
     m = measurements
     return Measurements(m.times[which], m.cameras[which], m.values[which], m.roots[which], m.used[which])
 
 
 class History:
-    """Measurements in order of their stamps; equal stamps in an order that does not depend on that of their arrival."""
+    """Holds up to CAPACITY measurements in order of their stamps.
+
+    The order of measurements with equal stamps does not depend on the order in which they arrive.
+    """
 
     def __init__(self) -> None:
-        """Start empty."""
+        """Create an empty history."""
         self._size = 0
         self._all = Measurements(
             np.empty(CAPACITY),
@@ -52,29 +62,39 @@ class History:
 
     @property
     def _arrays(self) -> tuple[npt.NDArray[Any], ...]:
-        """All arrays, of equal length."""
+        """The arrays of all measurements, each of length CAPACITY."""
         return tuple(self._all)
 
     def __len__(self) -> int:
-        """Return how many measurements there are."""
+        """Return the number of measurements."""
         return self._size
 
     @property
     def full(self) -> bool:
-        """Whether there is no room for another one."""
+        """Whether there is no room for another measurement."""
         return self._size == CAPACITY
 
     @property
     def measurements(self) -> Measurements:
-        """All measurements; the arrays are views, valid until the next change."""
+        """All measurements. The arrays are views of the history, which are valid until it changes."""
         return self.part(0, self._size)
 
     def part(self, first: int, last: int) -> Measurements:
-        """Return measurements `first` to `last` - 1 as views."""
+        """Return the measurements with the indices `first` to `last` - 1, as views that are valid until the history changes."""
         return select(self._all, slice(first, last))
 
     def add(self, time: float, camera: int, value: Array, root: Array) -> bool:
-        """Insert a measurement, unused; return False if the same one is there already."""
+        """Insert a measurement at its place in the order of stamps, with `used` False; the history must not be full.
+
+        Args:
+            time: Stamp, s.
+            camera: Index of the camera; POSITION for a measured position.
+            value: (3,), see `Measurements.values`.
+            root: (3, 3), see `Measurements.roots`.
+
+        Returns:
+            Whether it was inserted; False if a measurement with the same stamp, camera and value is there already.
+        """
         n, times = self._size, self._all.times
         at = int(np.searchsorted(times[:n], time, side="right"))
         while at > 0 and times[at - 1] == time:
@@ -92,7 +112,7 @@ class History:
         return True
 
     def copy(self, first: int) -> History:
-        """Return a copy of the measurements from the index `first` on."""
+        """Return a new history with copies of the measurements from the index `first` on."""
         other = History()
         other._size = self._size - first
         for target, array in zip(other._arrays, self._arrays, strict=True):
@@ -100,12 +120,12 @@ class History:
         return other
 
     def drop(self, count: int) -> None:
-        """Forget the oldest `count` measurements."""
+        """Remove the oldest `count` measurements."""
         left = self._size - count
         for array in self._arrays:
             array[:left] = array[count : self._size]
         self._size = left
 
     def clear(self) -> None:
-        """Forget all."""
+        """Remove all measurements."""
         self._size = 0

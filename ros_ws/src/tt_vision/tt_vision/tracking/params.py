@@ -1,4 +1,4 @@
-"""What the tracker assumes about balls, tables and measurements."""
+"""Parameters of the tracker: its assumptions about balls, tables and measurements."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tt_core.states import Array
 
 @dataclass(frozen=True)
 class TrackerParams:
-    """What the tracker assumes about balls, tables and measurements."""
+    """Parameters of the tracker: its assumptions about balls, tables and measurements."""
 
     lag: float = param(
         0.4,
@@ -75,15 +75,19 @@ class TrackerParams:
     known_speed: float = param(2.0, "m/s", "standard deviation of the velocity below which a ball is known", low=1e-2, high=100.0)
 
     def __post_init__(self) -> None:
-        """Refuse values outside their range."""
+        """Raise an error for a value outside its range."""
         check(self)
 
     @cached_property
     def gates(self) -> Array:
-        """(4,) largest squared distances of measurements of 0 to 3 numbers, in standard deviations (chi-square)."""
+        """Bounds (4,) above which the squared distance of a measurement from its prediction is taken as an outlier.
+
+        The index is the number of coordinates of the measurement, 0 to 3. Distances are in standard deviations. A correct measurement
+        exceeds its bound with the probability `gate` (chi-square distribution). The bound for no coordinate is infinite.
+        """
         return np.array([np.inf, *(float(chdtri(n, self.gate)) for n in (1, 2, 3))])
 
     @cached_property
     def factor_spreads(self) -> Array:
-        """(5,) standard deviations of the logarithms of drag, lift, restitution, friction and grip."""
+        """Standard deviations (5,) of the logarithms of the factors on drag, lift, restitution, friction and grip, in this order."""
         return np.array([self.drag_spread, self.lift_spread, self.restitution_spread, self.friction_spread, self.grip_spread])

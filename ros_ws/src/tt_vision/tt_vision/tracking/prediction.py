@@ -1,10 +1,12 @@
-"""The ball at a time, with an honest covariance, from the unknowns of a fitted window.
+"""State and covariance of the ball at a later time, from the result of the fit to a window of time (`window_fit`).
 
-Derivatives alone would give a covariance that is too small in three places. Close to a bounce it is not certain whether the ball has
-bounced yet, and its velocity is that of one of two branches. Behind a bounce, velocity and spin are bound to each other by the rebound,
-which is not linear: what the derivatives miss of it is added. And while the spin is not well known, place and velocity are bound to the
-acceleration that this spin makes, which is not linear in it: it hardly grows any more from 300 to 600 rad/s. So errors lie on a curved
-surface; points on that surface replace those on its tangent plane. Without them the squared errors are twice what the covariance says.
+Linear propagation of the covariance, by derivatives alone, would make it too small in three cases, which are handled here:
+
+- Close to a bounce it is not certain whether the ball has bounced. Its velocity is then that of one of two branches.
+- After a bounce, velocity and spin depend on each other by the rebound, which is not linear. What the derivatives miss is added.
+- While the spin is not well known, position and velocity depend on the acceleration that the spin causes. It is not linear in the spin:
+  from 300 to 600 rad/s it hardly grows. So the possible states lie on a curved surface, and points on this surface replace those on its
+  tangent plane. Without this the mean squared errors are twice what the covariance says.
 """
 
 from __future__ import annotations
@@ -35,22 +37,22 @@ from tt_core.tangents import (
 
 from .window_fit import add_noise, invert
 
-DOUBT = 4.0  # standard deviations of the time of a bounce, within which it is not certain whether the ball has bounced
-LITTLE = 1e-3  # of the spread of accelerations before anything is seen: what is known better than that does not count
-CORNER = math.sqrt(2.0)  # standard deviations of each of four coordinates at the corners of a cube; the rest of the weight is in its middle
-SIDES = math.sqrt(3.0)  # standard deviations, of the outer points of the Gauss-Hermite rule with three points, each of weight 1/6
+DOUBT = 4.0  # standard deviations of the time of a bounce; within this of the bounce it is not certain whether the ball has bounced
+LITTLE = 1e-3  # share of the variance of the acceleration before any measurement that is added to its variance after the fit
+CORNER = math.sqrt(2.0)  # standard deviations from the mean to each of the 16 points (+-CORNER in four coordinates) of a cubature rule
+SIDES = math.sqrt(3.0)  # standard deviations from the mean to the outer points of the three-point Gauss-Hermite rule, each of weight 1/6
 
 
 @njit(cache=True)
 def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoefficients, spin_noise: float, out: Array) -> None:
-    """Fill out (6, 6) with the covariance of velocity and spin after a bounce that derivatives miss.
+    """Compute the part of the covariance of velocity and spin after a bounce that linear propagation misses.
 
     Args:
-        before: (9,) just before the bounce.
-        spread: (6, 6) covariance of velocity and spin there.
-        models: Of the table.
-        spin_noise: rad/s, standard deviation of a change of spin that no model knows.
-        out: Filled.
+        before: (9,) state of the ball just before the bounce.
+        spread: (6, 6) covariance of velocity and spin just before the bounce.
+        models: Coefficients; only those of the table are used.
+        spin_noise: rad/s, standard deviation of a change of spin at a bounce that no model describes.
+        out: (6, 6) filled with this part of the covariance.
     """
     out[:] = 0.0
     for k in range(3):
@@ -73,20 +75,20 @@ def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoeffici
 def _unbounced_or_bounced(
     state: Array, before: Array, since: float, sigma: float, spread: Array, models: PhysicsCoefficients, space: Scratch, other_spread: Array
 ) -> float:
-    """Find the other branch of a ball close to a bounce.
+    """Compute the other possible state of a ball close to a bounce: not bounced yet instead of bounced, or the other way round.
 
     Args:
-        state: (9,) of the ball.
-        before: (9,) just before its last bounce.
-        since: s since then, inf without a bounce.
+        state: (9,) predicted state of the ball.
+        before: (9,) state just before its last bounce.
+        since: s since that bounce; infinite if there was none.
         sigma: s, standard deviation of the time of that bounce.
         spread: (9, 9) covariance of `state`.
-        models: Of air and table.
-        space: Its `end` is filled with the other branch.
-        other_spread: (9, 9) covariance of `before`; becomes that of the other branch.
+        models: Coefficients of air and table.
+        space: Work arrays; `space.end` is filled with the other possible state.
+        other_spread: (9, 9) covariance of `before`, replaced by that of the other possible state.
 
     Returns:
-        The probability of the other branch.
+        The probability of the other state; 0 if the ball is not close to a bounce.
     """
     other, contact = space.end, models.contact_height
     if since < DOUBT * sigma:  # it may not have bounced yet
@@ -112,14 +114,18 @@ def _unbounced_or_bounced(
 
 @njit(cache=True)
 def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoefficients, space: Scratch) -> None:
-    """Replace the spread along the spin and the lift by that of points whose place and velocity go with their acceleration, in place.
+    """Correct the covariance for the acceleration by the spin, which is not linear in the spin.
+
+    The part of the covariance that belongs to the uncertainty of the spin and of the lift is replaced by that of 16 points. The position
+    and velocity of each point are those that agree with its acceleration.
 
     Args:
-        state: (9,) of the ball.
-        covariance: (PARAMETERS, PARAMETERS) of state and factors.
-        broad: (5,) standard deviations of spin (3,), and of the logarithms of drag and lift, before anything is seen.
-        models: Of air, with all factors.
-        space: Scratch.
+        state: (9,) state of the ball.
+        covariance: (PARAMETERS, PARAMETERS) of the state and of the logarithms of the factors, changed in place.
+        broad: (5,) standard deviations before any measurement: of the three spin components (rad/s), and of the logarithms of the factors
+            on drag and lift.
+        models: Coefficients, of which those of the air are used, multiplied by the factors.
+        space: Work arrays.
     """
     air, jacobian = models.air, space.jacobian
     v, w = state[VX : VX + 3], state[WX : WX + 3]
@@ -173,16 +179,22 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
 def predict(
     unknowns: Array, covariance: Array, duration: float, unseen: float, physics: Array, noise: Array, broad: Array
 ) -> tuple[Array, Array]:
-    """Return state (9,) and covariance (9, 9) of the ball later.
+    """Predict the ball at a time after the start of the fitted window, through bounces on the table.
 
     Args:
-        unknowns: (n,) at the start of the window.
-        covariance: (n, n) of them.
-        duration: s after the start of the window, not negative.
-        unseen: s, of this, since the last measurement.
+        unknowns: (n,) fitted unknowns, see `window_fit`: the state at the start of the window (position m, velocity m/s, spin rad/s), then
+            the logarithms of five factors and, if they are estimated, the errors of the cameras.
+        covariance: (n, n) covariance of the unknowns.
+        duration: s, from the start of the window to the wanted time, not negative.
+        unseen: s, from the last measurement to the wanted time; noise is added for this time, none if it is negative.
         physics: (19,) `Physics.coefficients`.
-        noise: (3,) power densities of acceleration and of change of spin, and rad/s, the change of spin at a bounce that no model knows.
-        broad: (5,) see `_curve`.
+        noise: (3,) what no model describes: power densities of the acceleration ((m/s^2)^2/Hz) and of the change of spin ((rad/s^2)^2/Hz),
+            and the standard deviation of the change of spin at a bounce (rad/s).
+        broad: (5,) standard deviations before any measurement: of the three spin components (rad/s), and of the logarithms of the factors
+            on drag and lift.
+
+    Returns:
+        The state (9,) in `table` (position m, velocity m/s, spin rad/s) and its covariance (9, 9).
     """
     models, space = with_factors(physics_coefficients(physics), unknowns), scratch()
     state, tangents, before = unknowns[:9].copy(), np.empty((9, PARAMETERS)), np.empty(9)

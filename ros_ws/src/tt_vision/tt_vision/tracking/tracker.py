@@ -1,4 +1,4 @@
-"""The facade of tracking: what was seen goes in, the ball at any time comes out."""
+"""The tracker: it takes measurements of the ball and tells the state of the ball at any time."""
 
 from __future__ import annotations
 
@@ -25,38 +25,44 @@ from .params import TrackerParams
 from .prediction import predict
 from .window_fit import Prior, Workspace, fit, invert, shift, workspace
 
-BATCH = 16  # measurements that are fitted at a time
-RECENT = 8  # measurements, of which MISSED unused ones tell that the track is wrong
+BATCH = 16  # number of measurements that are added to the fit at a time
+RECENT = 8  # number of newest measurements that are checked; if MISSED of them do not fit, another ball is looked for
 MISSED = 6
-OTHER_SPINS = (0.0, 0.5, 1.5, -0.5)  # of the fitted spin, from which a bad fit is tried again
-FARTHEST_START = 10.0  # standard deviations of the prior, between it and such a spin
-SILENCE = 0.5  # s without a measurement, after which another ball is looked for
-SLACK = 0.05  # s, by which the window may grow beyond its lag before its start moves
-WIDEST_PLACE = 30.0  # m, standard deviation of the place of a ball before anything is measured
-LEAST_VARIANCES = np.repeat([1e-10, 1e-8, 1e-4], 3)  # m^2, (m/s)^2, (rad/s)^2: of a measured ball, so that its covariance has an inverse
-MOST_SPIN = 1e4  # rad/s
-UNKNOWN_BALL = np.repeat([0.02, 0.3, 100.0], 3) ** 2  # variances of a ball that is given without a covariance
-LATEST = 1e12  # s, of a stamp
+OTHER_SPINS = (0.0, 0.5, 1.5, -0.5)  # factors on the fitted spin that give other starting values for a bad fit
+FARTHEST_START = 10.0  # largest distance of such a start from the prior, in standard deviations of the prior
+SILENCE = 0.5  # s; a measurement that comes later than this after the newest one may be of another ball, and is kept apart at first
+SLACK = 0.05  # s, by which the window may become longer than its lag before its start moves
+WIDEST_PLACE = 30.0  # m, standard deviation of each coordinate of a ball before any measurement
+LEAST_VARIANCES = np.repeat([1e-10, 1e-8, 1e-4], 3)  # m^2, (m/s)^2, (rad/s)^2, added to those of a measured ball, so that its covariance
+# can be inverted
+MOST_SPIN = 1e4  # rad/s, largest spin component of a measured ball
+UNKNOWN_BALL = np.repeat([0.02, 0.3, 100.0], 3) ** 2  # m^2, (m/s)^2, (rad/s)^2: variances of a ball that is given without a covariance
+LATEST = 1e12  # s, largest absolute value of a stamp
 
 
 class NotACovariance(TtError):
-    """A matrix that is no covariance."""
+    """Error: a matrix is not a covariance, because it is not symmetric or has a negative (or zero) eigenvalue."""
 
     def __init__(self, name: str, eigenvalue: float) -> None:
-        """Keep the smallest eigenvalue; NaN if the matrix is not symmetric."""
+        """Keep the values.
+
+        Args:
+            name: Name of the argument.
+            eigenvalue: Smallest eigenvalue of the matrix; NaN if it is not symmetric.
+        """
         super().__init__(f"{name} is not a covariance: smallest eigenvalue {eigenvalue:g}")
         self.name, self.eigenvalue = name, eigenvalue
 
 
 @dataclass(frozen=True, slots=True)
 class TrackCounts:
-    """Counts of measurements that were used, and of those that were not, by the reason.
+    """Counts of what the tracker has done since it was created.
 
     Attributes:
-        taken: Taken into the window.
-        late: Refused as older than the window.
-        restarts: How often another ball was found than the one that was followed.
-        balls: How many tracks there were: started from a measured ball, or found.
+        taken: Measurements that were taken into the window.
+        late: Measurements that were refused because they are older than the window.
+        restarts: How often another ball was found, because the newest measurements did not fit the track or were outside the window.
+        balls: How many balls were followed: started from a measured ball, or found in measurements.
     """
 
     taken: int = 0
@@ -67,7 +73,14 @@ class TrackCounts:
 
 @dataclass(slots=True, eq=False)
 class _Track:
-    """One ball: prior, estimate, and results of the fit."""
+    """The track of one ball: prior, estimate, and results of the fit.
+
+    Attributes:
+        prior: What was known before the measurements in the window.
+        unknowns: (n,) estimate at the start of the window, see `window_fit`.
+        space: Results of the fit for each measurement, and the covariance.
+        excess: Factor by which the variances of the measurements are larger than given; NaN if the fit has failed.
+    """
 
     prior: Prior
     unknowns: Array
@@ -76,24 +89,25 @@ class _Track:
 
     @property
     def is_unannounced(self) -> bool:
-        """Whether the prior is that of a ball that nothing announced."""
+        """Whether the ball was found in measurements, not started from a measured ball, and the start of its window has not moved yet."""
         return bool(self.prior.spin_shape[0, 0] > 0.0)
 
 
 class Tracker:
-    """Follow one ball.
+    """Estimates the state of one ball over time from measurements.
 
-    The ball is started by a measured state, or found in positions or pixels alone. Measurements may arrive in any order; each counts at its
-    stamp. What is older than the window of `TrackerParams.lag` is refused. Nothing is computed before a state is asked for.
+    A track starts from a measured state of a ball (`start`), or is found in measured positions or pixels alone. Measurements may arrive in
+    any order; each one counts at the time of its stamp. Measurements older than the window, whose length is `TrackerParams.lag`, are
+    refused. Nothing is fitted before a result is asked for.
     """
 
     def __init__(self, physics: Physics, cameras: Sequence[Camera] = (), params: TrackerParams | None = None) -> None:
-        """Begin without a ball.
+        """Create a tracker that follows no ball yet.
 
         Args:
             physics: Models of air and table.
-            cameras: Those whose pixels will be given.
-            params: Assumptions; None for the defaults.
+            cameras: The cameras whose pixels will be given to `add_pixel`.
+            params: Parameters; None for the defaults.
         """
         self.params = TrackerParams() if params is None else params
         self.counts = TrackCounts()
@@ -109,18 +123,22 @@ class Tracker:
         self._fitted = -math.inf  # s, of the last one that was fitted or refused
 
     def use(self, physics: Physics) -> None:
-        """Use other models of air and table from the next ball that is started; not for one that is followed."""
+        """Use other models of air and table from now on; call `start` next, so that they do not change in the middle of a track.
+
+        Args:
+            physics: Models of air and table.
+        """
         self._models, self._physics = physics, physics.coefficients
 
     def start(self, ball: BallState) -> None:
-        """Start anew from a measured ball. Measurements after its time are kept, earlier ones are forgotten.
+        """Start a new track from a measured ball. Measurements after its time are kept, earlier ones are forgotten.
 
         Args:
-            ball: In `table`. Without a covariance it counts as a rough guess (UNKNOWN_BALL).
+            ball: State of the ball in `table`. If it has no covariance, the variances UNKNOWN_BALL of a rough guess are used.
 
         Raises:
             NotACovariance: The covariance is not symmetric, or has a negative eigenvalue.
-            OutOfRange: Time, place, velocity or spin is not that of a ball.
+            OutOfRange: Time, position, velocity or spin is too large for a ball.
         """
         check_range("time", ball.time, -LATEST, LATEST)
         for name, values, most in (
@@ -144,18 +162,18 @@ class Tracker:
         self.counts = replace(self.counts, balls=self.counts.balls + 1)
 
     def add_position(self, time: float, position: Array, covariance: Array) -> None:
-        """Take a measured position of the ball.
+        """Add a measured position of the ball.
 
         Args:
-            time: s.
+            time: s, when the ball was there.
             position: (3,) m in `table`.
-            covariance: (3, 3) m^2.
+            covariance: (3, 3) m^2, of the position.
 
         Raises:
             NotACovariance: `covariance` is not symmetric, or not positive definite.
             NotFinite: A number is NaN or infinite.
             BadShape: An array has another shape.
-            OutOfRange: The time is absurd, or the position farther than FARTHEST.
+            OutOfRange: The time exceeds LATEST, or a coordinate exceeds FARTHEST.
         """
         time = check_range("time", time, -LATEST, LATEST)
         position = check_array("position", position, (3,))
@@ -164,19 +182,19 @@ class Tracker:
         self._add(time, A_POSITION, position, np.linalg.inv(np.linalg.cholesky(matrix)))
 
     def add_pixel(self, time: float, camera_index: int, pixel: Array, sigma: float) -> None:
-        """Take the pixel at which a camera sees the ball.
+        """Add a pixel at which a camera sees the ball.
 
         Args:
-            time: s.
-            camera_index: Of `cameras`.
-            pixel: (2,) u, v.
-            sigma: Standard deviation of each, pixels.
+            time: s, when the image was taken.
+            camera_index: Index in the `cameras` that were given when the tracker was created.
+            pixel: (2,) pixels, column u and row v of the ball's centre.
+            sigma: Standard deviation of each coordinate, pixels.
 
         Raises:
             BadChoice: There is no such camera.
             NotFinite: A number is NaN or infinite.
             BadShape: `pixel` has another shape.
-            OutOfRange: The time is absurd, `sigma` is not positive, or the pixel is in no image.
+            OutOfRange: The time exceeds LATEST, `sigma` is outside 1e-4 to 1e4 pixels, or a pixel coordinate exceeds 1e5.
         """
         time = check_range("time", time, -LATEST, LATEST)
         if isinstance(camera_index, bool) or camera_index not in range(len(self._cameras)):
@@ -188,10 +206,10 @@ class Tracker:
         self._add(time, int(camera_index), np.append(pixel, 0.0), root)
 
     def state(self, time: float | None = None) -> BallState | None:
-        """Return the ball with its covariance.
+        """Return the state of the ball at a time, with its covariance. Bounces on the table are predicted; net and racket are ignored.
 
         Args:
-            time: s; None for the time of the last measurement that is used. Bounces on the table are on the way; net and racket are not.
+            time: s; None for the time of the last measurement that is used.
 
         Returns:
             The ball, or None: while it is not known well enough, before the window of measurements, more than LONGEST_PATH after the last
@@ -212,7 +230,10 @@ class Tracker:
 
     @property
     def physics(self) -> Physics:
-        """The models with the factors of this ball, and of the table as this ball met it."""
+        """The models of air, table and racket, multiplied by the factors that were estimated for the present ball.
+
+        Without a ball they are the models as given.
+        """
         self._update()
         if self._track is None or not self._known:
             return self._models
@@ -220,7 +241,11 @@ class Tracker:
 
     @property
     def factors(self) -> tuple[Array, Array] | None:
-        """Logarithms (5,) of the factors on drag, lift, restitution, friction, grip, and their covariance (5, 5); None without a ball."""
+        """How the present ball and the table differ from the models; None if there is no ball.
+
+        These are the logarithms (5,) of the estimated factors on drag and lift of the ball, and on restitution, friction and grip of the
+        table, and their covariance (5, 5).
+        """
         self._update()
         if self._track is None or not self._known:
             return None
@@ -228,7 +253,15 @@ class Tracker:
         return self._track.unknowns[part].copy(), self._track.space.covariance[part, part].copy()
 
     def _predict(self, track: _Track, at: float) -> BallState | None:
-        """Return the ball at a time (s) not before the window, or None if that is no ball any more."""
+        """Return the state of the ball at a time.
+
+        Args:
+            track: The track of the ball.
+            at: s, not before the start of the window.
+
+        Returns:
+            The ball; None if its state is not finite or it would be below the floor.
+        """
         duration, unseen = at - track.prior.time, at - self._latest
         state, covariance = predict(track.unknowns, track.space.covariance, duration, unseen, self._physics, self._noise, self._broad)
         if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[2] < FLOOR_Z + 0.5 * BALL_RADIUS:
@@ -236,7 +269,14 @@ class Tracker:
         return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
 
     def _begin(self, time: float, state: Array, covariance: Array, spin_shape: Array) -> _Track:
-        """Start a track with state (9,) and covariance (9, 9) at a time (s); spin_shape (3, 3): see `Prior`."""
+        """Start a new track.
+
+        Args:
+            time: s, start of its window.
+            state: (9,) position m, velocity m/s, spin rad/s in `table` at that time.
+            covariance: (9, 9) of the state.
+            spin_shape: (3, 3), see `Prior`.
+        """
         mean, full = np.zeros(self._unknowns), np.zeros((self._unknowns, self._unknowns))
         mean[:9], full[:9, :9] = state, covariance
         spreads = np.concatenate([self.params.factor_spreads, np.full(self._unknowns - PARAMETERS, self.params.camera_bias)])
@@ -248,19 +288,19 @@ class Tracker:
         return self._track
 
     def _add(self, time: float, camera: int, value: Array, root: Array) -> None:
-        """Take a checked measurement into the window, or beside it."""
+        """Add a valid measurement to the window; if its stamp is outside, add it to those of a possible other ball. See `History.add`."""
         times = self._history.measurements.times
         newest = max(times[-1] if len(times) else -math.inf, self._latest)
         track, oldest = self._track, newest - self.params.lag
         if track is not None and (oldest > track.prior.time or not track.is_unannounced):
             oldest = track.prior.time
-        if track is not None and oldest <= time < track.prior.time:  # the ball was seen earlier than where its track starts: find it anew
+        if track is not None and oldest <= time < track.prior.time:  # the ball was seen before the start of its track: find it anew
             self._track, self._known, self._latest, self._fitted = None, False, -math.inf, -math.inf
         if oldest <= time <= newest + SILENCE or not math.isfinite(newest):
             self._outside.clear()
             self._take(time, camera, value, root)
             return
-        # either late, or the first sight of another ball, or of a clock that was set: those agree among themselves
+        # The measurement is late, or it is the first of another ball or after the clock was set; the latter agree with each other.
         late = time < oldest
         self.counts = replace(self.counts, late=self.counts.late + late)
         self._outside.add(time, camera, value, root)
@@ -278,7 +318,7 @@ class Tracker:
             self.counts = replace(self.counts, taken=self.counts.taken + 1)
 
     def _make_room(self) -> None:
-        """Let the older half of a full window go."""
+        """Remove the older half of the measurements if the window is full; a track keeps what they tell in its prior."""
         self._update()
         half = len(self._history) // 2
         if self._history.full:
@@ -288,7 +328,7 @@ class Tracker:
                 self._history.drop(half)
 
     def _update(self) -> None:
-        """Fit the ball to what has been seen, a few measurements at a time in order of their stamps."""
+        """Fit the track to all new measurements, BATCH at a time in order of their stamps; find a ball first if there is no track."""
         if not self._changed:
             return
         self._changed = False
@@ -306,11 +346,11 @@ class Tracker:
                 return
 
     def _track_start(self) -> float:
-        """Return the start of the window in s."""
+        """Return the time (s) of the start of the window; minus infinity without a track."""
         return self._track.prior.time if self._track is not None else -math.inf
 
     def _fit(self, end: int) -> bool:
-        """Fit the track to the first `end` measurements; return whether there is one now."""
+        """Fit the track to the first `end` measurements; return whether there is a track and its fit has succeeded."""
         track = self._track
         if track is None:
             return False
@@ -326,11 +366,11 @@ class Tracker:
         return True
 
     def _fit_from(self, track: _Track, seen: Measurements) -> float:
-        """Fit a track from its present unknowns to measurements; return the excess, NaN if there is no fit."""
+        """Fit a track to measurements, starting from its present unknowns; return the new `excess`, NaN if the fit fails."""
         return fit(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
 
     def _fit_again(self, track: _Track, seen: Measurements) -> None:
-        """Look for a better fit from other spins: between slip and grip on the table the least squares have two valleys."""
+        """Repeat a fit from other spins, and keep the best result: the cost has two minima, slip and grip at a bounce on the table."""
         best, spin = track, track.unknowns[SPIN].copy()
         for share in OTHER_SPINS:
             trial = _Track(track.prior, track.unknowns.copy(), workspace(self._unknowns))
@@ -349,7 +389,7 @@ class Tracker:
         track.excess = self._fit_from(track, seen)
 
     def _find(self) -> bool:
-        """Look for a ball from the oldest measurements on, and forget those that cannot be of one; return whether there is a ball."""
+        """Look for a ball, from the oldest measurements on; remove measurements that belong to none. Return whether a ball was found."""
         while True:
             times = self._history.measurements.times
             last = cold_start.count_within(times)
@@ -360,7 +400,7 @@ class Tracker:
             self._history.drop(max(1, last // 4))
 
     def _doubt(self, end: int) -> None:
-        """Look for another ball if the newest of the first `end` measurements do not fit the track."""
+        """Look for another ball if most of the newest RECENT of the first `end` measurements do not fit the track."""
         seen = self._history.part(0, end)
         if end < RECENT or np.count_nonzero(~seen.used[-RECENT:]) < MISSED:
             return
@@ -374,9 +414,17 @@ class Tracker:
             seen.used[:] = kept
 
     def _from_parabola(self, source: History, first: int, last: int) -> bool:
-        """Start a track from the measurements `first` to `last` - 1 of `source`, if they show a ball.
+        """Start a track from a ball that is found in some measurements.
 
-        Measurements before are forgotten then, later ones are kept. If no ball is found nothing changes, but `used` of those looked at.
+        If a ball is found, measurements before it are forgotten and later ones are kept. If not, only `used` of these measurements changes.
+
+        Args:
+            source: The measurements.
+            first: Index of the first one that is searched.
+            last: Index after the last one that is searched.
+
+        Returns:
+            Whether a ball was found.
         """
         parabola = cold_start.find(source.part(first, last), self._cameras)
         if parabola is None:
@@ -392,7 +440,7 @@ class Tracker:
         covariance = np.diag(np.repeat([WIDEST_PLACE, params.speed_spread, 0.0], 3) ** 2)
         covariance[SPIN, SPIN] = params.spin_spread**2 * np.linalg.inv(shape)
         track = self._begin(float(self._history.measurements.times[0]), np.concatenate([parabola, np.zeros(3)]), covariance, shape)
-        track.space.covariance[:] = 0.0  # at first nothing but what agrees with the parabola
+        track.space.covariance[:] = 0.0  # so that at first only measurements that agree with the parabola are used
         if self._fit(last - start) and self._is_known(track):
             self._known = True
             self._outside.clear()
@@ -402,7 +450,7 @@ class Tracker:
         return False
 
     def _is_known(self, track: _Track) -> bool:
-        """Tell whether place and velocity at the last measurement are known well enough."""
+        """Return whether position and velocity at the last measurement are accurate enough to be told, see `TrackerParams`."""
         ball = self._predict(track, self._latest)
         if ball is None or ball.covariance is None:
             return False
@@ -410,7 +458,7 @@ class Tracker:
         return place < self.params.known_position and speed < self.params.known_speed
 
     def _shift(self, until: float) -> None:
-        """Move the start of the window to `until` (s)."""
+        """Move the start of the window to the time `until` (s), and put what the older measurements tell into the prior."""
         track = self._track
         if track is None:
             return
@@ -429,7 +477,18 @@ class Tracker:
 
 
 def _covariance(name: str, value: Any, shape: tuple[int, int], least: float) -> Array:
-    """Return a checked covariance; its smallest eigenvalue must be above `least` times the largest (in units of its diagonal)."""
+    """Check a covariance and return it as an array.
+
+    Args:
+        name: Name of the argument, for the error.
+        value: The covariance.
+        shape: Its shape.
+        least: The smallest eigenvalue must be more than `least` times the largest one. With 0 the matrix must be positive definite; with a
+            small negative number rounding errors and the zero matrix are accepted.
+
+    Raises:
+        NotACovariance: The matrix is not symmetric, or its smallest eigenvalue is too small.
+    """
     matrix = check_array(name, value, shape)
     scale = float(np.abs(matrix).max())
     if scale == 0.0 and least < 0.0:

@@ -1,11 +1,15 @@
-"""Fit one flight to the measurements of a window of time: least squares about a prior at its start, by Gauss and Newton.
+"""Fit one flight to the measurements in a window of time: Gauss-Newton least squares, with a prior at the start of the window.
 
-All measurements of the window are predicted from the ball at its start, the anchor, through flight and bounces, with exact derivatives
-(`tt_core.tangents`). Compared with a filter that looks at each measurement once, nothing depends on the order in which measurements arrive,
-and nothing stays linearised at a poor first estimate. What leaves the window stays in the prior.
+All measurements in the window are predicted from the state of the ball at the start of the window, through flight and bounces, with exact
+derivatives (`tt_core.tangents`). A Kalman filter uses each measurement once; here, in contrast, the result does not depend on the order in
+which measurements arrive, and it is not linearised at a poor first estimate. What the measurements tell that leave the window is kept in
+the prior.
 
-The unknowns are those of `tt_core.tangents`, then, if cameras are not trusted to stand where they were calibrated, a constant error of u
-and v for each camera, in pixels.
+The unknowns (n,) are those of `tt_core.tangents`: the state at the start of the window (position m, velocity m/s, spin rad/s), then the
+logarithms of factors on drag, lift, restitution, friction and grip (14 numbers in all, PARAMETERS). If the cameras may have moved since
+their calibration, a constant error of column u and row v in pixels follows for each camera.
+
+Residuals and derivatives are "whitened": divided by the standard deviation of the measurement.
 """
 
 from __future__ import annotations
@@ -22,32 +26,32 @@ from tt_core.tangents import PARAMETERS, Scratch, advance, bounce_now, fly_throu
 from ..projection import CameraModel, rotate, unpack_camera
 from .history import CAPACITY, POSITION, Measurements
 
-MOST_PASSES = 12  # of one fit
-HALVINGS = 5  # of a step that makes the fit worse
+MOST_PASSES = 12  # largest number of Gauss-Newton steps of one fit
+HALVINGS = 5  # how many lengths of a step are tried, each half of the one before, while it makes the fit worse
 DONE = 1e-3  # squared length of a step in standard deviations, below which it is the last one
-BEHIND = 1e6  # whitened residual of a ball behind a camera
-FARTHEST_STEP = 30.0  # standard deviations of the prior, of one step
-MEDIANS = np.array([1.0, 0.4549, 1.3863, 2.3660])  # of chi-square with 1, 2 and 3 degrees of freedom
-LEAST_EXCESS = 2.0  # ratio of residuals to their standard deviations, squared, above which the standard deviations are not believed
-MOST_EXCESS = 100.0  # of that ratio; above it the flight is another one
-ROUNDS = 4  # of fitting and gating
-VARIANCE_STEPS = 3  # of expectation and maximisation in each
+BEHIND = 1e6  # whitened residual that is used for a ball behind a camera
+FARTHEST_STEP = 30.0  # longest step, in standard deviations of the prior
+MEDIANS = np.array([1.0, 0.4549, 1.3863, 2.3660])  # medians of chi-square with 1, 2 and 3 degrees of freedom; the first number is not used
+LEAST_EXCESS = 2.0  # squared ratio of residuals to their standard deviations above which the given standard deviations are enlarged
+MOST_EXCESS = 100.0  # the same ratio above which they are not enlarged, because the measurements belong to another flight
+ROUNDS = 4  # largest number of rounds of fitting and of choosing the measurements that are used
+VARIANCE_STEPS = 3  # steps of expectation and maximisation in each round
 
 
 class Prior(NamedTuple):
-    """What was known before the window: a normal distribution of the unknowns.
+    """What is known about the unknowns before the measurements in the window: a normal distribution.
 
-    Of a ball that nothing announced not even the order of its spin is known: opponents play 15 to 900 rad/s. The variance of the spin then
-    is one of the unknowns, with an inverse gamma distribution, so a ball without spin is soon known to have none, and one with much is not
-    drawn to zero.
+    If a ball is found without a measured state to start from, not even the order of magnitude of its spin is known: opponents play 15 to
+    900 rad/s. Then the variance of the spin is estimated, too, with an inverse gamma distribution as its prior. So a ball without spin is
+    soon known to have none, and a large spin is not drawn to zero.
 
     Attributes:
-        time: s, of the unknowns.
-        mean: (n,).
-        information: (n, n), inverse of the covariance. Its part of the spin changes with the variance of the spin.
-        spin_shape: (3, 3), inverse of the covariance of the spin for a variance of 1; zero if the variance is not among the unknowns.
-        spin_variance: (rad/s)^2, before anything is seen.
-        spin_weight: Number of spin components that this variance counts as much as.
+        time: s, start of the window, the time of the unknowns.
+        mean: (n,) expected unknowns.
+        information: (n, n) inverse of their covariance. Its part of the spin changes in place when the variance of the spin is estimated.
+        spin_shape: (3, 3) inverse of the covariance of the spin if its variance were 1; zero if the variance is not estimated.
+        spin_variance: (rad/s)^2, variance of the spin before any measurement.
+        spin_weight: Number of measured spin components that have as much weight as `spin_variance`.
     """
 
     time: float
@@ -59,14 +63,14 @@ class Prior(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Results for each measurement, whitened, and the normal equations.
+    """Arrays that a fit fills: the results for each measurement, and the normal equations.
 
     Attributes:
-        rows: (CAPACITY, 3, n) derivatives of the predictions.
-        residuals: (CAPACITY, 3) measured minus predicted.
-        normal: (n, n).
-        right: (n,).
-        covariance: (n, n) of the unknowns, after a fit.
+        rows: (CAPACITY, 3, n) derivatives of the predicted measurements by the unknowns, whitened.
+        residuals: (CAPACITY, 3) measured minus predicted values, whitened.
+        normal: (n, n) normal matrix.
+        right: (n,) right side of the normal equations.
+        covariance: (n, n) covariance of the unknowns after a fit.
     """
 
     rows: Array
@@ -77,7 +81,7 @@ class Workspace(NamedTuple):
 
 
 def workspace(unknowns: int) -> Workspace:
-    """Return arrays for a number of unknowns."""
+    """Create the arrays of a fit with this number of unknowns."""
     return Workspace(
         np.zeros((CAPACITY, 3, unknowns)),
         np.zeros((CAPACITY, 3)),
@@ -89,7 +93,13 @@ def workspace(unknowns: int) -> Workspace:
 
 @njit(cache=True)
 def _predict_pixel(camera: CameraModel, place: Array, slopes: Array) -> tuple[float, float]:
-    """Return the pixel of a place (3,), and fill slopes (2, 3) with its derivatives; NaN behind the camera."""
+    """Return the pixel (u, v) at which a camera sees a point, NaN for a point behind the camera.
+
+    Args:
+        camera: The camera.
+        place: (3,) m in `table`, the point.
+        slopes: (2, 3) pixels/m, filled with the derivatives of u and v by the point.
+    """
     turned, lens = camera.rotation, camera.optics
     x, y, z = rotate(turned, place[0], place[1], place[2])
     x, y, z = x + camera.tx, y + camera.ty, z + camera.tz
@@ -119,7 +129,17 @@ def _predict_pixel(camera: CameraModel, place: Array, slopes: Array) -> tuple[fl
 
 @njit(cache=True)
 def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras: Array, unknowns: Array, space: Workspace) -> None:
-    """Fill residual and rows of measurement i for a ball at place (3,) with derivatives tangents (3, PARAMETERS)."""
+    """Compute the whitened residual of one measurement and its derivatives.
+
+    Args:
+        place: (3,) m in `table`, predicted position of the ball.
+        tangents: (3, PARAMETERS) derivatives of this position by the unknowns.
+        i: Index of the measurement.
+        seen: All measurements.
+        cameras: (c, 20) `Camera.vector` of each camera.
+        unknowns: (n,), of which the errors of the cameras are used.
+        space: `residuals[i]` and `rows[i]` are filled.
+    """
     rows, residual, root, value = space.rows[i], space.residuals[i], seen.roots[i], seen.values[i]
     if seen.cameras[i] == POSITION:
         for r in range(3):
@@ -154,7 +174,20 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
 
 @njit(cache=True)
 def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array, physics: Array, space: Workspace, air: Scratch) -> bool:
-    """Fill residuals and rows of all measurements, none of them before `start`; return False if the flight is not finite."""
+    """Predict all measurements from the unknowns, and compute their residuals and derivatives.
+
+    Args:
+        start: s, start of the window; no measurement is earlier.
+        unknowns: (n,) at that time.
+        seen: All measurements.
+        cameras: (c, 20) `Camera.vector` of each camera.
+        physics: (19,) `Physics.coefficients`.
+        space: `residuals` and `rows` are filled.
+        air: Work arrays.
+
+    Returns:
+        Whether the flight is finite; if not, the results are incomplete.
+    """
     models = with_factors(physics_coefficients(physics), unknowns)
     state, tangents = unknowns[:9].copy(), np.empty((9, PARAMETERS))
     start_tangents(tangents)
@@ -192,7 +225,18 @@ def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array
 
 @njit(cache=True)
 def _accumulate(unknowns: Array, prior: Prior, seen: Measurements, excess: float, space: Workspace) -> float:
-    """Sum the normal equations over the prior and all used measurements; return the cost, a sum of squares."""
+    """Sum the normal equations over the prior and all measurements that are used.
+
+    Args:
+        unknowns: (n,) at which the residuals were computed.
+        prior: The prior.
+        seen: All measurements.
+        excess: Factor by which the variances of the measurements are larger than given.
+        space: `normal` and `right` are filled from `residuals` and `rows`.
+
+    Returns:
+        The cost: the sum of all squared residuals, those from the prior included.
+    """
     n = len(unknowns)
     off = prior.mean - unknowns
     space.normal[:] = prior.information
@@ -221,7 +265,7 @@ def _accumulate(unknowns: Array, prior: Prior, seen: Measurements, excess: float
 
 @njit(cache=True)
 def invert(matrix: Array) -> Array:
-    """Return the inverse of a symmetric positive definite matrix, scaled to a unit diagonal first."""
+    """Return the inverse of a symmetric positive definite matrix, which is scaled to a unit diagonal before, for accuracy."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     inverse = np.linalg.inv(matrix * scale * scale.reshape(-1, 1))
     inverse = inverse * scale * scale.reshape(-1, 1)
@@ -230,7 +274,15 @@ def invert(matrix: Array) -> Array:
 
 @njit(cache=True)
 def _distance(i: int, size: int, excess: float, covariance: Array, space: Workspace) -> float:
-    """Return the squared distance of measurement i from its prediction in standard deviations of their difference (Mahalanobis)."""
+    """Return the squared Mahalanobis distance of a measurement from its prediction, in standard deviations of their difference.
+
+    Args:
+        i: Index of the measurement.
+        size: Number of its coordinates: 3 of a position, 2 of a pixel.
+        excess: Factor by which its variance is larger than given.
+        covariance: (n, n) covariance of the unknowns.
+        space: Holds its residual and derivatives.
+    """
     rows = space.rows[i, :size].copy()
     spread = rows @ covariance @ rows.T
     for k in range(size):
@@ -241,7 +293,7 @@ def _distance(i: int, size: int, excess: float, covariance: Array, space: Worksp
 
 @njit(cache=True)
 def _admit(seen: Measurements, gates: Array, excess: float, covariance: Array, space: Workspace) -> bool:
-    """Use those unused measurements that agree with the prediction; tell whether there are any."""
+    """Mark those unused measurements as used that agree with the prediction; return whether there are any."""
     admitted = False
     for i in range(len(seen.times)):
         if not seen.used[i] and abs(space.residuals[i, 0]) < BEHIND:
@@ -254,7 +306,7 @@ def _admit(seen: Measurements, gates: Array, excess: float, covariance: Array, s
 
 @njit(cache=True)
 def _expel(seen: Measurements, gates: Array, excess: float, space: Workspace) -> bool:
-    """Do not use any longer what the fit does not agree with; tell whether there is any."""
+    """Mark those used measurements as unused that do not agree with the fit; return whether there are any."""
     expelled = False
     for i in range(len(seen.times)):
         if seen.used[i]:
@@ -267,7 +319,10 @@ def _expel(seen: Measurements, gates: Array, excess: float, space: Workspace) ->
 
 @njit(cache=True)
 def _excess(seen: Measurements, space: Workspace) -> float:
-    """Return by which factor variances of measurements are larger than told; 1 unless the median residual says so clearly."""
+    """Estimate by which factor the variances of the measurements are larger than given, from the median of the residuals.
+
+    The result is 1 unless the factor is between LEAST_EXCESS and MOST_EXCESS.
+    """
     n = len(seen.times)
     if n == 0:
         return 1.0
@@ -281,7 +336,7 @@ def _excess(seen: Measurements, space: Workspace) -> float:
 
 @njit(cache=True)
 def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, excess: float, space: Workspace) -> None:
-    """Find the variance of the spin by expectation and maximisation, and put it into the prior's information."""
+    """Estimate the variance of the spin by expectation and maximisation, and put it into `prior.information`, in place."""
     spin = slice(WX, WX + 3)
     for _ in range(VARIANCE_STEPS):
         _accumulate(unknowns, prior, seen, excess, space)
@@ -294,7 +349,7 @@ def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, exce
 
 @njit(cache=True)
 def _newton_step(space: Workspace) -> Array:
-    """Return the step (n,) that solves the normal equations."""
+    """Return the Gauss-Newton step (n,): the solution of the normal equations."""
     step = np.empty_like(space.right)
     step[:] = np.linalg.solve(space.normal, space.right)
     return step
@@ -302,7 +357,7 @@ def _newton_step(space: Workspace) -> Array:
 
 @njit(cache=True)
 def _move(unknowns: Array, delta: Array, count: int, space: Workspace) -> None:
-    """Add delta to the unknowns, and to first order to the residuals of `count` measurements."""
+    """Add a step `delta` (n,) to the unknowns, and change the residuals of the first `count` measurements by it to first order."""
     unknowns += delta
     for i in range(count):
         for m in range(3):
@@ -313,7 +368,21 @@ def _move(unknowns: Array, delta: Array, count: int, space: Workspace) -> None:
 def _converge(
     unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, excess: float, space: Workspace, air: Scratch
 ) -> bool:
-    """Move the unknowns to the least cost; False if no step leads to a finite flight. Residuals are those after the last step."""
+    """Minimise the cost over the unknowns by Gauss-Newton steps, with the choice of used measurements as it is.
+
+    Args:
+        unknowns: (n,) where the fit starts, changed in place.
+        prior: The prior.
+        seen: All measurements.
+        cameras: (c, 20) `Camera.vector` of each camera.
+        physics: (19,) `Physics.coefficients`.
+        excess: Factor by which the variances of the measurements are larger than given.
+        space: Filled; the residuals are those after the last step.
+        air: Work arrays.
+
+    Returns:
+        False if the flight is not finite, else True.
+    """
     n = len(seen.times)
     if not _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
         return False
@@ -351,23 +420,23 @@ def _converge(
 def fit(
     unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, gates: Array, space: Workspace, excess: float
 ) -> float:
-    """Fit the unknowns, and choose the measurements that are used.
+    """Fit the unknowns to the measurements in the window, and choose which measurements are used.
 
-    An unused measurement is admitted if it agrees with what the others predict (chi-square of its distance). A used one is expelled if the
-    fit does not agree with it. Both are asked again for every measurement of the window in every fit, so a mistake does not last.
+    An unused measurement is admitted if it agrees with the prediction from the others (chi-square test of its distance). A used one is
+    excluded if the fit does not agree with it. Every fit tests all measurements in the window again, so a wrong decision does not last.
 
     Args:
-        unknowns: (n,) at the prior's time, changed in place.
-        prior: Before the window.
-        seen: The measurements, `used` changed in place.
-        cameras: (c, 20) `Camera.vector`.
+        unknowns: (n,) at the start of the window, where the fit starts; changed in place.
+        prior: What was known before the measurements in the window.
+        seen: The measurements; `used` is changed in place.
+        cameras: (c, 20) `Camera.vector` of each camera.
         physics: (19,) `Physics.coefficients`.
-        gates: (4,) `TrackerParams.gates`.
-        space: Filled; its `covariance` must hold that of the unknowns without the unused measurements.
-        excess: Factor by which variances of measurements were larger than told, of the last fit; 1 for the first.
+        gates: (4,) `TrackerParams.gates`, bounds of the chi-square test.
+        space: Filled. Before, its `covariance` must hold the covariance of the unknowns without the unused measurements.
+        excess: Factor by which the variances of the measurements were larger than given, as the last fit returned it; 1 for the first fit.
 
     Returns:
-        This factor now; NaN if there is no fit.
+        This factor by the present fit; NaN if the fit has failed.
     """
     air = scratch()
     if not _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
@@ -397,20 +466,21 @@ def fit(
 def shift(
     unknowns: Array, prior: Prior, until: float, gone: Measurements, physics: Array, noise: Array, space: Workspace, excess: float
 ) -> Prior:
-    """Move the start of the window, and put what leaves it into the prior (marginalisation).
+    """Move the start of the window to a later time, and put the information of the measurements before it into the prior (marginalisation).
 
     Args:
-        unknowns: (n,) fitted, at the prior's time; moved to `until`.
-        prior: Of the fit.
+        unknowns: (n,) as fitted, at the time of the prior; changed in place to those at `until`.
+        prior: The prior of the fit.
         until: s, new start of the window.
-        gone: The first measurements of the fit: those before `until`.
+        gone: The measurements before `until`, which were the first ones of the fit.
         physics: (19,) `Physics.coefficients`.
-        noise: (2,) power densities of acceleration and of change of spin.
-        space: Of the fit; its covariance moves along.
-        excess: Of the fit.
+        noise: (2,) or more numbers, of which the first two are power densities of what no model describes: acceleration ((m/s^2)^2/Hz) and
+            change of spin ((rad/s^2)^2/Hz).
+        space: Results of the fit; its `covariance` is changed to that at `until`.
+        excess: Factor that the fit returned.
 
     Returns:
-        The prior at `until`.
+        The new prior, at `until`. It has a fixed variance of the spin.
     """
     n = len(unknowns)
     _accumulate(unknowns, prior, gone, excess, space)
@@ -432,7 +502,14 @@ def shift(
 
 @njit(cache=True)
 def add_noise(covariance: Array, duration: float, noise: Array) -> None:
-    """Add to a covariance what unknown accelerations and changes of spin do in a duration (s); noise (2,): their power densities."""
+    """Increase the covariance of a state by random accelerations and changes of spin that no model describes.
+
+    Args:
+        covariance: (n, n) of the state (position m, velocity m/s, spin rad/s) and possibly further unknowns, changed in place.
+        duration: s, for which they act.
+        noise: (2,) or more numbers, of which the first two are power densities: of the acceleration ((m/s^2)^2/Hz) and of the change of
+            spin ((rad/s^2)^2/Hz).
+    """
     for k in range(3):
         covariance[X + k, X + k] += noise[0] * duration**3 / 3.0
         covariance[X + k, VX + k] += noise[0] * duration**2 / 2.0
