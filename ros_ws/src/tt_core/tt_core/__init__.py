@@ -1,6 +1,6 @@
-"""The shared vocabulary: states, physics, errors, and their messages.
+"""Shared vocabulary of all packages: states of ball and racket, physics, errors, and their conversion to messages.
 
-The names of `__all__` are imported when they are first used, because `tt_core.start` has to come before all slow imports in a node.
+The names of `__all__` are imported when they are first used, because `tt_core.start` must run before all slow imports of a node.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""The ball on the table and on the racket: instant rebounds (dissertation Sections 3.3 and 3.4).
+"""Rebounds of the ball from the table and from the racket, which take no time (dissertation Sections 3.3 and 3.4).
 
-A rebound adds an impulse along the surface normal n and an impulse along the slip of the contact point to the velocity. The second impulse
-also changes the spin. Kernels work on arrays (3,) in place and do not validate. Coefficients enter from Python as one array, which
-`table_coefficients` and `racket_coefficients` turn into named ones.
+The dissertation is "Racket Control and Spinning Ball Measurement for Table Tennis Robot" (Nagoya University); numbers such as (3.15) are
+its equations. A rebound adds an impulse along the surface normal n and an impulse along the slip of the contact point to the velocity. The
+second impulse also changes the spin. Kernels are compiled; they work on arrays (3,) in place and do not validate. Python passes
+coefficients to them as one array, to which `table_coefficients` and `racket_coefficients` give names.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .states import RacketState
 
 
 class TableCoefficients(NamedTuple):
-    """What the kernels need of `TableRebound`, with the same names."""
+    """Coefficients of `TableRebound` under the same names, as the compiled functions (kernels) take them."""
 
     restitution: float
     friction: float
@@ -31,7 +32,10 @@ class TableCoefficients(NamedTuple):
 
 
 class RacketCoefficients(NamedTuple):
-    """What the kernels need of `RacketRebound`, with the same names; `turn` in rad/m stands for `rotational`."""
+    """Coefficients of `RacketRebound` as the compiled functions (kernels) take them.
+
+    They have the same names. Only `turn`, the change of spin over the tangential change of velocity in rad/m, stands for `rotational`.
+    """
 
     restitution: float
     restitution_drop: float
@@ -44,19 +48,19 @@ class RacketCoefficients(NamedTuple):
 
 @njit(cache=True)
 def table_coefficients(row: Array) -> TableCoefficients:
-    """Name the numbers of `TableRebound.coefficients` (3,)."""
+    """Give names to the coefficients in the array `TableRebound.coefficients` (3,)."""
     return TableCoefficients(row[0], row[1], row[2])
 
 
 @njit(cache=True)
 def racket_coefficients(row: Array) -> RacketCoefficients:
-    """Name the numbers of `RacketRebound.coefficients` (7,)."""
+    """Give names to the coefficients in the array `RacketRebound.coefficients` (7,)."""
     return RacketCoefficients(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
 
 
 @dataclass(frozen=True)
 class TableRebound:
-    """Rebound of the ball from the table: it slips with friction, or it grips.
+    """Model of the ball's rebound from the table: the contact point slips with friction, or it grips.
 
     Raises:
         OutOfRange: A coefficient is outside its range.
@@ -75,28 +79,28 @@ class TableRebound:
 
     @classmethod
     def liu(cls) -> TableRebound:
-        """Return the dissertation's model (3.4)-(3.18)."""
+        """Return the model of Liu's dissertation, (3.4)-(3.18)."""
         return cls()
 
     @classmethod
     def measured(cls) -> TableRebound:
-        """Return a model of real balls, measured as restitution 0.90 to 0.92, friction 0.26, grip 1.1 to 1.4."""
+        """Return a model of real balls. Measured values are: restitution 0.90 to 0.92, friction 0.26, grip 1.1 to 1.4."""
         return cls(0.91, 0.26, 1.25)
 
     @cached_property
     def coefficients(self) -> Array:
-        """`TableCoefficients` as an array (3,), which a kernel takes from Python."""
+        """All coefficients as one array (3,), in the order of `TableCoefficients`; the form in which Python passes them to kernels."""
         return np.array(TableCoefficients(self.restitution, self.friction, self.grip))
 
     def after(self, velocity: Array, spin: Array) -> tuple[Array, Array]:
-        """Return the ball after the contact.
+        """Return velocity and spin of the ball after a contact with the table.
 
         Args:
             velocity: (3,) m/s before the contact, in `table`.
             spin: (3,) rad/s before the contact, in `table`.
 
         Returns:
-            Velocity (3,) and spin (3,) after the contact.
+            Velocity (3,) in m/s and spin (3,) in rad/s after the contact, in `table`.
 
         Raises:
             OutOfRange: The ball does not move down.
@@ -112,11 +116,11 @@ class TableRebound:
 
 @dataclass(frozen=True)
 class RacketRebound:
-    """Rebound of the ball from the rubber of the racket (3.25)-(3.28).
+    """Model of the ball's rebound from the rubber of the racket, (3.25)-(3.28) of the dissertation.
 
     The restitution along the face normal is max(restitution_least, restitution - restitution_drop v_n) for the approach speed v_n. The slip
     velocity u of the contact point changes by -k u with k = max(tangential_least, tangential - tangential_drop |u|). The spin changes by
-    (rotational / tangential) r times the cross product of slip impulse and normal (4.14), so the ratio of both is constant.
+    (rotational / tangential) r times the cross product of slip impulse and normal (4.14), so the ratio of the two changes is constant.
 
     Raises:
         OutOfRange: A coefficient is outside its range, or a least value is above the value that it bounds.
@@ -139,21 +143,21 @@ class RacketRebound:
 
     @classmethod
     def liu(cls) -> RacketRebound:
-        """Return the dissertation's model."""
+        """Return the model of Liu's dissertation."""
         return cls()
 
     @classmethod
     def measured(cls) -> RacketRebound:
         """Return a model of real rubber.
 
-        Its restitution is e = 0.917 - 0.0214 v_n, at least 0.665. Its tangential transfer falls from 0.73 to 0.65, here over 8 m/s of slip,
-        which is an assumption. The impulse turns a thin shell: k_w = 3 k_v / (2 r^2).
+        Its restitution is e = 0.917 - 0.0214 v_n, at least 0.665. Its tangential coefficient falls from 0.73 to 0.65. That it does so over
+        a slip of 8 m/s is an assumption. The impulse turns a thin shell: k_w = 3 k_v / (2 r^2).
         """
         return cls(0.917, 0.73, 0.73 * 1.5 / BALL_RADIUS**2, 0.0214, 0.665, 0.01, 0.65)
 
     @cached_property
     def coefficients(self) -> Array:
-        """`RacketCoefficients` as an array (7,), which a kernel takes from Python."""
+        """All coefficients as one array (7,), in the order of `RacketCoefficients`; the form in which Python passes them to kernels."""
         return np.array(
             RacketCoefficients(
                 restitution=self.restitution,
@@ -168,11 +172,11 @@ class RacketRebound:
 
     @property
     def turn(self) -> float:
-        """Change of spin over tangential change of velocity, k_w r / k_v (4.11), rad/m."""
+        """Change of the spin over the tangential change of the velocity, k_w r / k_v of (4.11), rad/m."""
         return self.rotational * BALL_RADIUS / self.tangential
 
     def after(self, velocity: Array, spin: Array, racket: RacketState) -> tuple[Array, Array]:
-        """Return the ball after the contact. Both faces of the racket have this rubber.
+        """Return velocity and spin of the ball after a contact with the racket. Both faces of the racket have this rubber.
 
         Args:
             velocity: (3,) m/s before the contact, in `table`.
@@ -180,7 +184,7 @@ class RacketRebound:
             racket: The racket at the contact.
 
         Returns:
-            Velocity (3,) and spin (3,) after the contact.
+            Velocity (3,) in m/s and spin (3,) in rad/s after the contact, in `table`.
 
         Raises:
             BadShape: An array has another shape.
@@ -193,9 +197,14 @@ class RacketRebound:
 
 @njit(cache=True)
 def rebound_table(v: Array, w: Array, table: TableCoefficients) -> None:
-    """Change velocity v (3,) and spin w (3,) of the ball as the table does, (3.15)-(3.18).
+    """Apply the rebound from the table to velocity and spin of the ball, (3.15)-(3.18) of the dissertation.
 
-    Slip and grip meet where their impulses are equal.
+    The contact point slips if the impulse of friction is smaller than that of grip, otherwise it grips.
+
+    Args:
+        v: (3,) m/s in `table`, changed in place.
+        w: (3,) rad/s in `table`, changed in place.
+        table: Coefficients.
     """
     ux, uy = v[0] - BALL_RADIUS * w[1], v[1] + BALL_RADIUS * w[0]  # of the contact point
     slip = math.sqrt(ux * ux + uy * uy)
@@ -211,13 +220,13 @@ def rebound_table(v: Array, w: Array, table: TableCoefficients) -> None:
 
 @njit(cache=True)
 def rebound_racket(v: Array, w: Array, racket_velocity: Array, normal: Array, rubber: RacketCoefficients) -> None:
-    """Change velocity v (3,) and spin w (3,) of the ball as the racket does, (3.25)-(3.28).
+    """Apply the rebound from the racket to velocity and spin of the ball, (3.25)-(3.28) of the dissertation.
 
     Args:
-        v: m/s, changed in place.
-        w: rad/s, changed in place.
-        racket_velocity: (3,) m/s.
-        normal: (3,) unit normal of either face.
+        v: (3,) m/s in `table`, changed in place.
+        w: (3,) rad/s in `table`, changed in place.
+        racket_velocity: (3,) m/s in `table`.
+        normal: (3,) unit normal of either face, in `table`.
         rubber: Coefficients.
     """
     u0, u1, u2 = v[0] - racket_velocity[0], v[1] - racket_velocity[1], v[2] - racket_velocity[2]

@@ -1,11 +1,11 @@
-"""How far the clocks of other machines are off, from the four times of a question and its answer (RFC 5905, Section 8)."""
+"""Offsets between the clock of this machine and those of others, from the times of a question and its answer (RFC 5905, Section 8)."""
 
 from __future__ import annotations
 
 from collections import deque
 from typing import NamedTuple
 
-WINDOW = 10.0  # s, for which a measurement counts
+WINDOW = 10.0  # s, for which a measured offset is used
 MAX_SOURCES = 16
 MAX_SAMPLES = 64  # of one source; at 4 questions a second the window holds 40
 MAX_NAME = 128  # characters of the name of a source
@@ -13,12 +13,12 @@ ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
 
 
 class ClockOffset(NamedTuple):
-    """What is known of one clock.
+    """Offset of one other clock from ours.
 
     Attributes:
-        source: Whose clock it is.
+        source: Name of the node whose clock it is.
         offset: s, that clock minus ours.
-        uncertainty: s, by which the offset may be wrong at most, however the way out and the way back share the delay.
+        uncertainty: s, largest possible error of `offset`: half the time between question and answer.
     """
 
     source: str
@@ -27,7 +27,7 @@ class ClockOffset(NamedTuple):
 
     @property
     def least(self) -> float:
-        """Return the least by which the clock is off, s; 0 if it may be right."""
+        """Smallest absolute offset that agrees with the measurement, s; 0 if the clock may be right."""
         return max(0.0, abs(self.offset) - self.uncertainty)
 
 
@@ -38,24 +38,27 @@ class _Sample(NamedTuple):
 
 
 class ClockOffsets:
-    """The offsets of at most MAX_SOURCES clocks, each from the shortest exchange of the last WINDOW seconds."""
+    """Offsets of at most MAX_SOURCES other clocks.
+
+    The offset of a clock is that of the quickest exchange, question and answer, in the last WINDOW seconds.
+    """
 
     def __init__(self) -> None:
         self._samples: dict[str, deque[_Sample]] = {}
 
     def add(self, source: str, t1: float, t2: float, t4: float) -> bool:
-        """Take one exchange.
+        """Add one exchange: a question to another node for its time, and the answer.
 
-        Exchanges that contradict the newest one are dropped: since then one of the two clocks was set.
+        Earlier exchanges that contradict this one are dropped, because one of the two clocks must have been set since then.
 
         Args:
-            source: Who answered.
+            source: Name of the node that answered.
             t1: s, our clock when we asked.
-            t2: s, its clock when it answered.
+            t2: s, the other clock when the node answered.
             t4: s, our clock when the answer came.
 
         Returns:
-            False if the exchange is refused: t4 is before t1, the name is longer than MAX_NAME, or there are MAX_SOURCES others.
+            False if the exchange is refused: t4 is before t1, the name is longer than MAX_NAME, or MAX_SOURCES other clocks are known.
         """
         if not t1 <= t4 or len(source) > MAX_NAME:
             return False
@@ -70,7 +73,15 @@ class ClockOffsets:
         return True
 
     def offset(self, source: str, now: float) -> ClockOffset | None:
-        """Return the offset of one clock, or None without an exchange in the WINDOW seconds before `now` (s, our clock)."""
+        """Return the offset of one clock.
+
+        Args:
+            source: Name of the node whose clock it is.
+            now: s, our clock.
+
+        Returns:
+            The offset, or None if there was no exchange in the WINDOW seconds before `now`.
+        """
         recent = [sample for sample in self._samples.get(source, ()) if _recent(sample, now)]
         if not recent:
             return None
@@ -78,11 +89,11 @@ class ClockOffsets:
         return ClockOffset(source, best.offset, best.uncertainty)
 
     def all(self, now: float) -> list[ClockOffset]:
-        """Return the offsets of all clocks that are known at `now` (s, our clock), by name."""
+        """Return the offsets of all clocks that are known at `now` (s, our clock), sorted by name."""
         return [known for source in sorted(self._samples) if (known := self.offset(source, now)) is not None]
 
     def worst(self, now: float) -> ClockOffset | None:
-        """Return the clock that is off by the most beyond its uncertainty, or None if none is known at `now` (s, our clock)."""
+        """Return the offset that is largest even if its uncertainty is subtracted; None if no clock is known at `now` (s, our clock)."""
         return max(self.all(now), key=lambda known: known.least, default=None)
 
 

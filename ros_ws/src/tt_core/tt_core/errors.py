@@ -1,4 +1,4 @@
-"""Errors of the robot: every one says which value broke which bound."""
+"""Errors of the robot. Each error holds the wrong value and the bound that it breaks."""
 
 from __future__ import annotations
 
@@ -9,23 +9,36 @@ import numpy as np
 
 
 class TtError(ValueError):
-    """Base of all errors raised here."""
+    """Base class of all errors that the packages of this workspace raise."""
 
 
 class OutOfRange(TtError):
-    """A value outside its bounds."""
+    """A number outside its bounds."""
 
     def __init__(self, name: str, value: float, low: float, high: float) -> None:
-        """Keep the value and its bounds, so that a caller can decide on them."""
+        """Store the arguments as attributes, so that code can use them.
+
+        Args:
+            name: What the number is called in the message.
+            value: The number.
+            low: Least value allowed.
+            high: Largest value allowed.
+        """
         super().__init__(f"{name} = {value:g} is outside [{low:g}, {high:g}]")
         self.name, self.value, self.low, self.high = name, value, low, high
 
 
 class BadShape(TtError):
-    """An array whose shape is not the wanted one."""
+    """An array that has another shape than it must have."""
 
     def __init__(self, name: str, shape: tuple[int, ...], wanted: object) -> None:
-        """Keep the shape and the wanted one."""
+        """Store the arguments as attributes, so that code can use them.
+
+        Args:
+            name: What the array is called in the message.
+            shape: Its shape.
+            wanted: The shape that it must have, or a description of it.
+        """
         super().__init__(f"{name} has shape {shape}, wanted {wanted}")
         self.name, self.shape, self.wanted = name, shape, wanted
 
@@ -34,26 +47,41 @@ class NotFinite(TtError):
     """A NaN or an infinity where a number is needed."""
 
     def __init__(self, name: str, value: Any) -> None:
-        """Keep the value."""
+        """Store the arguments as attributes: what the value is called in the message, and the value."""
         super().__init__(f"{name} = {np.array2string(np.asarray(value), threshold=20)} is not finite")
         self.name, self.value = name, value
 
 
 class BadChoice(TtError):
-    """A text that is not one of those allowed."""
+    """A text that is not one of the allowed texts."""
 
     def __init__(self, name: str, value: str, choices: tuple[str, ...]) -> None:
-        """Keep the value and the choices, so that a caller can decide on them."""
+        """Store the arguments as attributes, so that code can use them.
+
+        Args:
+            name: What the text is called in the message.
+            value: The text.
+            choices: The allowed texts.
+        """
         super().__init__(f"{name} = {value!r} is none of {', '.join(map(repr, choices))}")
         self.name, self.value, self.choices = name, value, choices
 
 
 class BadMessage(TtError):
-    """A message whose content is not what its topic carries."""
+    """A ROS message whose content is not of the form that its topic must have."""
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
-    """Return `value` if it is one of `choices`; raise BadChoice otherwise."""
+    """Return `value` if it is one of `choices`.
+
+    Args:
+        name: What the text is called in errors.
+        value: The text.
+        choices: The allowed texts.
+
+    Raises:
+        BadChoice: `value` is none of them.
+    """
     if value not in choices:
         raise BadChoice(name, value, choices)
     return value

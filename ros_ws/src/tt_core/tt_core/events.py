@@ -1,7 +1,9 @@
-"""The ball from event to event: flight, bounces on the table, and what ends a path, each at its exact instant.
+"""Flight of the ball with its events, each at its exact time: bounces on the table, and the event that ends the flight.
 
-The integrator takes steps of MAX_STEP. A step in which an event function changes sign is cut at the root. The root is found by integrating
-to trial times, not by interpolation, so an event is as exact as the flight.
+The integrator takes steps of MAX_STEP. A step in which an event function changes sign is shortened so that it ends at the event. The time
+of the event is found by integrating to trial times, not by interpolation, so it is as accurate as the flight.
+
+A path is the flight of the ball from a given state, as rows of time and state; a predicted one in most uses.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ LIU_WINDOW_LOW, LIU_WINDOW_HIGH = -0.3, 0.0  # m in x, where the dissertation hi
 
 
 class StopKind(IntEnum):
-    """Kinds of stop rules."""
+    """Kinds of conditions that end a path."""
 
     TIME = 0  # a time after the start
     X = 1  # a plane x
@@ -41,11 +43,11 @@ class StopKind(IntEnum):
 
 
 class StopCondition(NamedTuple):
-    """Where a path ends if nothing else ends it, as kernels take it.
+    """Condition that ends a path unless the floor, the net or the table's edge ends it before. The form that kernels take.
 
     Attributes:
         kind: A StopKind.
-        x: m, for StopKind.X.
+        x: m, the plane of StopKind.X.
         longest: s, longest duration of the path; for StopKind.TIME the duration asked for.
     """
 
@@ -55,12 +57,12 @@ class StopCondition(NamedTuple):
 
 
 _ENDS = tuple(PathEnd)
-# what `walk` returns: indices into _ENDS, or that the rows were too few
+# what `walk` returns: an index into _ENDS, or ROWS_FULL if there were too few rows for the path
 END_STOP, END_FLOOR, END_NET, END_EDGE, END_ROLLING, END_TOO_LONG, END_TOO_FAR, ROWS_FULL = range(len(_ENDS) + 1)
 
 
 def path_end_of(end: int) -> PathEnd:
-    """Return what a kernel's number END_STOP to END_TOO_FAR means."""
+    """Return the PathEnd for a number from END_STOP to END_TOO_FAR, as `walk` returns it."""
     return _ENDS[end]
 
 
@@ -92,7 +94,14 @@ def _stops_at(
 
 @njit(cache=True)
 def put_row(rows: Array, n: int, time: float, state: Array) -> None:
-    """Write time (s) and state (9,) into row n of rows (m, 10)."""
+    """Write a time and a state into a row of an array.
+
+    Args:
+        rows: (m, 10) time (s) and state of each point.
+        n: Index of the row.
+        time: s.
+        state: (9,) position (m), velocity (m/s), spin (rad/s).
+    """
     rows[n, TIME] = time
     row = rows[n, STATE]
     for k in range(9):
@@ -101,7 +110,7 @@ def put_row(rows: Array, n: int, time: float, state: Array) -> None:
 
 @njit(cache=True)
 def is_lost(state: Array) -> bool:
-    """Tell whether the state (9,) is too far away or too fast to be a ball, or not finite."""
+    """Tell whether a state (9,) is not finite, farther than FARTHEST or faster than FASTEST, as no ball is."""
     for k in range(3):
         if not abs(state[k]) <= FARTHEST:
             return True
@@ -112,18 +121,19 @@ def is_lost(state: Array) -> bool:
 def walk(
     start: float, state: Array, stop: StopCondition, physics: PhysicsCoefficients, rows: Array, bounce_rows: Rows
 ) -> tuple[int, int, int]:
-    """Fly and bounce until the path ends.
+    """Compute the path of the ball, flight and bounces, until something ends it.
 
     Args:
         start: s, time of the first row.
-        state: (9,) the ball at the start.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) of the ball at the start.
         stop: Where to stop.
-        physics: Models of air and table.
-        rows: (n, 10) filled with time and state of each point. Two rows of one time are a bounce.
-        bounce_rows: (MOST_BOUNCES,) filled with the second row of each bounce.
+        physics: Coefficients of air and table.
+        rows: (n, 10) filled with time and state of each point. Two rows of the same time are a bounce: before and after it.
+        bounce_rows: (MOST_BOUNCES,) filled with the index of the second row of each bounce.
 
     Returns:
-        The number of rows, the number of bounces, and END_... or ROWS_FULL if rows are too few.
+        The number of rows filled, the number of bounces, and what ended the path: a number from END_STOP to END_TOO_FAR, or ROWS_FULL if
+        there are too few rows.
     """
     air, contact = physics.air, physics.contact_height
     work, trial, end, now = np.empty((8, 3)), np.empty(9), np.empty(9), state.copy()
@@ -177,12 +187,26 @@ def walk(
 def walk_entry(
     start: float, state: Array, kind: int, x: float, longest: float, physics: Array, rows: Array, bounce_rows: Rows
 ) -> tuple[int, int, int]:
-    """Call `walk` from Python: kind, x and longest are those of StopCondition, physics (19,) is `Physics.coefficients`."""
+    """Compute the path of the ball as `walk` does, with arguments that can be passed from Python.
+
+    Args:
+        start: s, time of the first row.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) of the ball at the start.
+        kind: A StopKind, see StopCondition.
+        x: m, see StopCondition.
+        longest: s, see StopCondition.
+        physics: (19,) `Physics.coefficients`.
+        rows: (n, 10) filled with time and state of each point.
+        bounce_rows: (MOST_BOUNCES,) filled with the index of the second row of each bounce.
+
+    Returns:
+        As `walk` returns.
+    """
     return walk(start, state, StopCondition(kind, x, longest), physics_coefficients(physics), rows, bounce_rows)
 
 
 def next_contact(ball: BallState, physics: Physics) -> BallState:
-    """Fly the ball to whatever it meets next: table, net, table edge or floor.
+    """Compute the flight of the ball up to what it meets next: table, net, table edge or floor.
 
     Args:
         ball: Where the flight starts, in `table`.

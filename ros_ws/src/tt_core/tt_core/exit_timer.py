@@ -1,4 +1,4 @@
-"""A bound on the time in which a process ends."""
+"""Limit for the time that a process takes to end."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class _Times(ctypes.Structure):
 
 
 def end_by_signal(number: int, seconds: float) -> None:
-    """End this process by a signal unless it has ended by itself before.
+    """End this process by a signal after some seconds, unless it has ended by itself before.
 
-    A timer of the kernel sends the signal, so that this also works while a thread holds the global interpreter lock (GIL) forever. On
-    systems other than Linux nothing happens.
+    A timer of the Linux kernel sends the signal, so that this also works while a thread holds the global interpreter lock (GIL) forever. On
+    other systems than Linux this function does nothing.
 
     Args:
-        number: The signal; from now on it ends the process without Python's handler.
+        number: The signal. From now on it ends the process at once, without Python's handler.
         seconds: Time from now, more than 0 s.
     """
     if not sys.platform.startswith("linux"):

@@ -10,28 +10,35 @@ from .arrays import Array
 from .physics import Physics
 
 FACTORS = ("drag", "lift", "restitution", "friction", "grip", "rubber_restitution", "rubber_grip")
-OF_BALL = 5  # the first five FACTORS can be learnt from a flight with a bounce on the table, the others only from a contact with the racket
+OF_BALL = 5  # the first 5 FACTORS can be learnt from a flight with a bounce on the table, the others only from a contact with the racket
 MOST_TANGENTIAL = 0.79  # above 0.8 a shell would come back from the rubber faster than it slipped
-FARTHEST = math.log(2.0)  # of the logarithms: no ball has twice the drag of another one
+FARTHEST = math.log(2.0)  # largest absolute logarithm of a factor: no ball has twice the drag of another one
 MOST_OF_TABLE = 2.0  # friction and grip, upper ends of their ranges
 
 
 def scaled(physics: Physics, logarithms: Sequence[float] | Array) -> Physics:
-    """Return the models with factors on their coefficients, cut as by `multiplied`.
+    """Return the models with their coefficients multiplied by factors that are given as logarithms.
 
     Args:
         physics: The models.
-        logarithms: Of the factors, in the order of FACTORS, cut at a half and at twice; those at the end may be missing.
+        logarithms: Natural logarithms of the factors, in the order of FACTORS. Factors below 1/2 or above 2 are replaced by these
+            bounds. Logarithms at the end may be left out; their factors are 1.
+
+    Returns:
+        The new models, with the limits that `multiplied` describes.
     """
     return multiplied(physics, [math.exp(min(FARTHEST, max(-FARTHEST, float(value)))) for value in logarithms])
 
 
 def multiplied(physics: Physics, factors: Sequence[float]) -> Physics:
-    """Return the models with factors on their coefficients, cut where a surface would give energy to the ball.
+    """Return the models with their coefficients multiplied by factors.
+
+    The products are limited: the restitution of table and racket to 1, friction and grip of the table to MOST_OF_TABLE, and the tangential
+    coefficient of the rubber to MOST_TANGENTIAL, so that the rubber adds no energy to the ball.
 
     Args:
         physics: The models.
-        factors: In the order of FACTORS; those at the end may be missing.
+        factors: In the order of FACTORS. Factors at the end may be left out; they are 1.
     """
     drag, lift, restitution, friction, grip, bounce, rubber = (*factors, *(len(FACTORS) - len(factors)) * (1.0,))
     air, table, racket = physics.air, physics.table, physics.racket

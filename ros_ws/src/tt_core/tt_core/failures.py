@@ -1,4 +1,4 @@
-"""Reasons as values: an enumerated code with named numbers, which becomes a sentence where a person reads it."""
+"""Reasons for failures as values: an enumerated code with named numbers, and a sentence for people that is made when it is needed."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 
 
 class Failure:
-    """Why something is not done, or not as asked.
+    """Reason why something is not done, or is done in another way than it was asked for.
 
-    Code decides on `code` and on `values`, never on the sentence. The sentence is made only when somebody reads it.
+    Code decides on `code` and on `values`, never on the sentence. `str(failure)` makes the sentence.
 
     Attributes:
         code: Member of an enumeration whose values are format strings, e.g. TOO_OLD = "joint state is {age:.3f} s old".
@@ -19,7 +19,7 @@ class Failure:
     __slots__ = ("code", "values")
 
     def __init__(self, code: Enum, **values: Any) -> None:
-        """Keep the code and its values."""
+        """Store the code, and the values for its format string."""
         self.code, self.values = code, values
 
     def __str__(self) -> str:

@@ -1,11 +1,14 @@
-"""The ball in the air: gravity, drag and Magnus force (dissertation Section 3.2), integrated to rounding error.
+"""Flight of the ball: gravity, drag and Magnus force (dissertation Section 3.2), integrated up to rounding errors.
 
-The acceleration depends on velocity and spin only, so one Dormand-Prince step of order 5 on the velocity carries the position with it.
-With steps of MAX_STEP the position is about 1e-11 m off after a flight.
+The dissertation is "Racket Control and Spinning Ball Measurement for Table Tennis Robot" (Nagoya University); numbers such as (3.1) are its
+equations.
 
-Kernels take and fill arrays: a state (9,) is position, velocity, spin. They are compiled, allocate nothing in their loops and do not
-validate. A division by zero gives inf, because the check for it costs 5 % of the time. Coefficients enter from Python as one array, which
-`air_coefficients` turns into named ones.
+The acceleration depends on velocity and spin only, so one Dormand-Prince step of order 5 integrates the velocity and gives the position,
+too. With steps of MAX_STEP the position is about 1e-11 m off after a flight.
+
+Kernels take and fill arrays: a state (9,) is position (m), velocity (m/s), spin (rad/s) in frame `table`. They are compiled, allocate
+nothing in their loops and do not validate. A division by zero gives inf, because the check for it costs 5 % of the time. Python passes
+coefficients to them as one array, to which `air_coefficients` gives names.
 """
 
 from __future__ import annotations
@@ -23,26 +26,30 @@ from .constants import AIR_DENSITY, BALL_MASS, BALL_RADIUS, GRAVITY
 from .errors import check_array
 from .params import check, param
 
-MAX_STEP = 0.025  # s, of the integrator
-CALM = 1.0  # m/s, below which steps shrink, see `ease`; with these two the largest error of 10,000 flights is 1.4e-10 m
-LEAST_EASE = 0.01  # of a step
+MAX_STEP = 0.025  # s, longest step of the integrator
+CALM = 1.0  # m/s, below which steps are shorter, see `ease`; with these two the largest error of 10,000 flights is 1.4e-10 m
+LEAST_EASE = 0.01  # least share of a full step that `ease` returns
 
 DRAG_UNIT = AIR_DENSITY / BALL_MASS * 0.5 * math.pi * BALL_RADIUS**2  # 1/m for C_D = 1, (3.1)
 LIFT_UNIT = AIR_DENSITY / BALL_MASS * 4.0 / 3.0 * math.pi * BALL_RADIUS**3  # dimensionless for C_M = 1, (3.1)
 
 
 class AirCoefficients(NamedTuple):
-    """What the kernels need of `Aerodynamics`, with DRAG_UNIT and LIFT_UNIT applied.
+    """Coefficients of `Aerodynamics` as the compiled functions take them: those of drag times DRAG_UNIT, those of lift times LIFT_UNIT.
+
+    The acceleration of the ball is -gravity e_z - (drag + drag_h h) |v| v + (lift + lift_h h + lift_ratio / (ratio_offset + S)) w x v, with
+    velocity v, spin w, the spin ratio S = r |w| / |v| and h of the dissertation's (3.3), a number from -1 to 1 that depends on the
+    directions of velocity and spin. Liu's model (3.1)-(3.3) has lift_ratio = 0.
 
     Attributes:
         gravity: m/s^2.
         drag: 1/m, a_D of (3.2) times DRAG_UNIT.
         drag_h: 1/m, b_D of (3.2) times DRAG_UNIT.
-        lift: a_M of (3.2) times LIFT_UNIT.
-        lift_h: b_M of (3.2) times LIFT_UNIT.
-        lift_ratio: Numerator of the part of the lift that falls with the spin ratio, times LIFT_UNIT.
-        ratio_offset: Offset of the spin ratio in the denominator of that part.
-        spin_decay: 1/s.
+        lift: a_M of (3.2) times LIFT_UNIT, dimensionless.
+        lift_h: b_M of (3.2) times LIFT_UNIT, dimensionless.
+        lift_ratio: Numerator of the lift's part that falls with the spin ratio, times LIFT_UNIT, dimensionless.
+        ratio_offset: Number that is added to the spin ratio in the denominator of this part.
+        spin_decay: 1/s, rate at which the spin decays.
     """
 
     gravity: float
@@ -57,15 +64,16 @@ class AirCoefficients(NamedTuple):
 
 @njit(cache=True)
 def air_coefficients(row: Array) -> AirCoefficients:
-    """Name the numbers of `Aerodynamics.coefficients` (8,)."""
+    """Give names to the coefficients in the array `Aerodynamics.coefficients` (8,)."""
     return AirCoefficients(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
 
 
 @dataclass(frozen=True)
 class Aerodynamics:
-    """Model of the air.
+    """Model of the forces of the air on the ball, and of gravity.
 
-    With h of (3.3) and the spin ratio S = r |w| / |v|, the drag coefficient is C_D = drag + drag_h h, and the lift coefficient is
+    The spin ratio is S = r |w| / |v|. h is that of the dissertation's (3.3), a number from -1 to 1 that depends on the directions of
+    velocity and spin. The drag coefficient is C_D = drag + drag_h h. The lift coefficient is
     C_M = lift + lift_h h + lift_ratio / (ratio_offset + S). The acceleration is -g - C_D DRAG_UNIT |v| v + C_M LIFT_UNIT w x v (3.1). The
     spin falls exponentially at the rate spin_decay.
 
@@ -89,22 +97,26 @@ class Aerodynamics:
 
     @classmethod
     def liu(cls) -> Aerodynamics:
-        """Return the dissertation's model (3.1)-(3.3)."""
+        """Return the model of Liu's dissertation, (3.1)-(3.3)."""
         return cls()
 
     @classmethod
     def measured(cls) -> Aerodynamics:
-        """Return a model fitted to real balls: K = 1.80e-3 / (0.353 + S), k_d = 0.131 1/m, spin time constant 12.5 s."""
+        """Return a model fitted to real balls, whose lift falls with the spin ratio S.
+
+        The lift K in K w x v is 1.80e-3 / (0.353 + S), the drag k_d in k_d |v| v is 0.131 1/m, and the spin decays with the time constant
+        12.5 s.
+        """
         return cls(0.131 / DRAG_UNIT, 0.0, 0.0, 0.0, 1.80e-3 / LIFT_UNIT, 0.353, 1.0 / 12.5)
 
     @classmethod
     def gravity_only(cls) -> Aerodynamics:
-        """Return the free fall of Fig. 3.12."""
+        """Return a model without drag and lift: free fall, as in Fig. 3.12 of the dissertation."""
         return cls(0.0, 0.0, 0.0, 0.0)
 
     @cached_property
     def coefficients(self) -> Array:
-        """`AirCoefficients` as an array (8,), which a kernel takes from Python."""
+        """All coefficients as one array (8,), in the order of `AirCoefficients`; the form in which Python passes them to kernels."""
         return np.array(
             AirCoefficients(
                 gravity=self.gravity,
@@ -157,7 +169,14 @@ def _acceleration(v0: float, v1: float, v2: float, w0: float, w1: float, w2: flo
 
 @njit(cache=True, error_model="numpy")
 def accelerate(velocity: Array, spin: Array, air: AirCoefficients, out: Array) -> None:
-    """Fill `out` (3,) with the acceleration in m/s^2 for velocity (3,) and spin (3,)."""
+    """Compute the acceleration of the ball, (3.1)-(3.3) of the dissertation.
+
+    Args:
+        velocity: (3,) m/s.
+        spin: (3,) rad/s.
+        air: Coefficients.
+        out: (3,) filled with the acceleration, m/s^2.
+    """
     out[0], out[1], out[2] = _acceleration(velocity[0], velocity[1], velocity[2], spin[0], spin[1], spin[2], air)
 
 
@@ -184,10 +203,10 @@ RK_C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0])
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def step(state: Array, h: float, air: AirCoefficients, out: Array, work: Array) -> None:
-    """Integrate one step.
+    """Integrate the flight over one step.
 
     Args:
-        state: (9,) at the start of the step.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) at the start of the step.
         h: s, length of the step.
         air: Coefficients.
         out: (9,) filled with the state at the end of the step; may be `state` itself.
@@ -220,10 +239,14 @@ def step(state: Array, h: float, air: AirCoefficients, out: Array, work: Array) 
 
 @njit(cache=True, error_model="numpy")
 def ease(state: Array, air: AirCoefficients) -> float:
-    """Return the share of a step that is as exact as a full step is elsewhere, LEAST_EASE to 1.
+    """Return the factor, LEAST_EASE to 1, by which a step is shortened here so that it is as accurate as a full step elsewhere.
 
-    It is below 1 where the spin lies along the flight, because the direction h of (3.3) turns fast there. Over the spin, the length that
-    goes with h is a velocity; steps shrink with it below CALM.
+    The factor is below 1 where the spin lies nearly along the flight, because h of (3.3) changes fast there. The denominator of h divided
+    by the spin is a velocity. Below CALM the factor is proportional to this velocity.
+
+    Args:
+        state: (9,) position (m), velocity (m/s), spin (rad/s).
+        air: Coefficients.
     """
     if air.drag_h == 0.0 and air.lift_h == 0.0:
         return 1.0
@@ -236,10 +259,10 @@ def ease(state: Array, air: AirCoefficients) -> float:
 
 @njit(cache=True, error_model="numpy")
 def fly_into(state: Array, duration: float, air: AirCoefficients, max_step: float, out: Array, work: Array) -> None:
-    """Integrate free flight.
+    """Integrate the free flight over any duration, without contacts.
 
     Args:
-        state: (9,) at the start.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) at the start.
         duration: s, may be negative.
         air: Coefficients.
         max_step: s, longest step.
@@ -259,10 +282,10 @@ def fly_into(state: Array, duration: float, air: AirCoefficients, max_step: floa
 
 @njit(cache=True, error_model="numpy")
 def fly(state: Array, duration: float, air: Array, max_step: float = MAX_STEP) -> Array:
-    """Return the state after free flight.
+    """Return the state after a free flight without contacts.
 
     Args:
-        state: (9,) position, velocity, spin at the start.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) at the start.
         duration: s, may be negative.
         air: (8,) `Aerodynamics.coefficients`.
         max_step: s, longest step.
@@ -279,13 +302,14 @@ def fly(state: Array, duration: float, air: Array, max_step: float = MAX_STEP) -
 def crossing(state: Array, low: float, high: float, axis: int, level: float, air: AirCoefficients, trial: Array, work: Array) -> float:
     """Find the time within one step at which an element of the state crosses a level.
 
-    Newton's method, kept between the ends, works on states that are integrated to the trial time, so the result is as exact as the flight.
+    Newton's method, limited to the interval from `low` to `high`, works on states that are integrated to each trial time. So the result is
+    as accurate as the flight.
 
     Args:
-        state: (9,) at the start of the step.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) at the start of the step.
         low: s after `state`, before the crossing.
         high: s after `state`, after the crossing. The signs of state[axis] - level must differ at `low` and `high`.
-        axis: X, Y, Z or VZ.
+        axis: Element of the state: X, Y, Z or VZ.
         level: m, or m/s for VZ.
         air: Coefficients.
         trial: (9,) filled with the state at the crossing.

@@ -1,4 +1,4 @@
-"""Where balls are hit, and so how far their paths have to be predicted. Lengths in m, frame `table`."""
+"""Regions in which balls are hit, and so how far the flight of a ball has to be predicted. Lengths in m, frame `table`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ LARGEST = 5.0  # m, of a coordinate
 
 @dataclass(frozen=True)
 class HitWindow:
-    """A box in which the ball's centre is when it is hit, in m."""
+    """Box in which the centre of the ball lies when it is hit, m, frame `table`.
+
+    Raises:
+        OutOfRange: A coordinate is beyond LARGEST, or a lower bound is above its upper bound.
+        NotFinite: A coordinate is NaN or infinite.
+    """
 
     x_low: float
     x_high: float
@@ -39,7 +44,7 @@ PATH_MARGIN = 0.1  # m, by which a path goes on past the last point at which its
 
 
 def path_end(x_low: float) -> float:
-    """Return the x (m) at which the path of a ball may end that is hit at `x_low` (m) at the latest."""
+    """Return the x (m) at which the predicted path of a ball may end if the ball is hit at `x_low` (m) or before."""
     return round(x_low - PATH_MARGIN, 9)
 
 

@@ -1,4 +1,4 @@
-"""Grey images from the encodings of sensor_msgs/image_encodings."""
+"""Conversion of images to grey, for the encodings of sensor_msgs/image_encodings."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ import numpy as np
 from .errors import BadMessage, check_range
 
 MOST_PIXELS = 8192  # in width or height: twice the largest industrial cameras of today
-LUMA_UYVY, LUMA_YUYV = 1, 0  # which byte of each two is brightness
+LUMA_UYVY, LUMA_YUYV = 1, 0  # which of the two bytes of a pixel is the brightness
 
 
 class Encoding(NamedTuple):
-    """How the data of an image are laid out.
+    """Layout of the data of an image.
 
     Attributes:
-        dtype: Of one value.
-        channels: Values of a pixel.
-        grey: From (h, w, channels) values, or (h, w) of one channel, to (h, w); None for values that are grey.
-        rows: Rows of the data for each row of the image. Where it is more than 1, the planes of colour follow that of brightness.
+        dtype: Type of one value.
+        channels: Number of values of a pixel.
+        grey: Function that makes a grey image (h, w) of values (h, w, channels), or (h, w) if there is one channel. None if the values
+            already are grey.
+        rows: Rows of the data for each row of the image. Above 1 the planes of colour follow the plane of brightness.
     """
 
     dtype: type[np.uint8] | type[np.uint16]
@@ -62,16 +63,17 @@ def grey_image(encoding: str, width: int, height: int, step: int, data: Any, *, 
         encoding: One of ENCODINGS.
         width: Pixels.
         height: Pixels.
-        step: Bytes from one row to the next; more than a row needs where rows are padded.
+        step: Bytes from the start of one row to the start of the next, with padding.
         data: Bytes, or an object with their buffer.
-        big_endian: The order of the bytes of 16 bit values.
+        big_endian: Whether the values of 16 bits have their high byte first.
 
     Returns:
-        (height, width) uint8 or uint16, contiguous: a view of `data` where grey values in the order of this machine lie there without gaps.
+        (height, width) uint8 or uint16, contiguous. It is a view of `data` where the data are grey, without padding, and in the byte order
+        of this machine.
 
     Raises:
-        BadMessage: Another encoding, a step that is too small, or data of another length.
-        OutOfRange: A size outside 1 to MOST_PIXELS.
+        BadMessage: The encoding is unknown, the step is too small, or the data have another length.
+        OutOfRange: A size is outside 1 to MOST_PIXELS.
     """
     known = ENCODINGS.get(encoding)
     if known is None:

@@ -10,18 +10,18 @@ from .arrays import POSITION, SPIN, VELOCITY, Array
 
 @njit(cache=True)
 def hermite(p0: float, v0: float, p1: float, v1: float, duration: float, share: float) -> float:
-    """Interpolate one coordinate from its values and rates at both ends of an interval.
+    """Interpolate one coordinate by the cubic polynomial that has given values and rates at both ends of an interval.
 
     Args:
         p0: Value at the start.
-        v0: Rate at the start, 1/s.
+        v0: Rate at the start, unit of the value per s.
         p1: Value at the end.
-        v1: Rate at the end, 1/s.
+        v1: Rate at the end, unit of the value per s.
         duration: Length of the interval, s.
         share: Time since the start over `duration`, 0 to 1.
 
     Returns:
-        The value of the cubic polynomial with these ends.
+        The value of the polynomial, in the unit of p0 and p1.
     """
     left = 1.0 - share
     return p0 + share * share * (3.0 - 2.0 * share) * (p1 - p0) + duration * share * left * (left * v0 - share * v1)
@@ -29,7 +29,19 @@ def hermite(p0: float, v0: float, p1: float, v1: float, duration: float, share: 
 
 @njit(cache=True)
 def hermite_rate(p0: float, v0: float, p1: float, v1: float, duration: float, share: float) -> float:
-    """Return the time derivative of `hermite`, 1/s, for the same arguments."""
+    """Compute the time derivative of the polynomial of `hermite`.
+
+    Args:
+        p0: Value at the start.
+        v0: Rate at the start, unit of the value per s.
+        p1: Value at the end.
+        v1: Rate at the end, unit of the value per s.
+        duration: Length of the interval, s.
+        share: Time since the start over `duration`, 0 to 1.
+
+    Returns:
+        The derivative, in the unit of v0 and v1.
+    """
     left = 1.0 - share
     return 6.0 * share * left / duration * (p1 - p0) + left * (1.0 - 3.0 * share) * v0 + share * (3.0 * share - 2.0) * v1
 
@@ -41,12 +53,12 @@ def interpolate_states(times: Array, states: Array, at: Array) -> Array:
     Position is cubic, velocity is its derivative, spin is linear.
 
     Args:
-        times: (n,) s, not decreasing. Two equal times are a bounce, before and after.
-        states: (n, 9) position, velocity, spin at these times.
+        times: (n,) s, not decreasing. Two equal times are a bounce: the states before and after it.
+        states: (n, 9) position (m), velocity (m/s), spin (rad/s) at these times.
         at: (m,) s, between the first and the last of `times`.
 
     Returns:
-        (m, 9) the states at `at`, after the bounce where one of `at` is the time of a bounce.
+        (m, 9) the states at `at`. At the time of a bounce this is the state after the bounce.
     """
     out, last = np.empty((len(at), 9)), len(times) - 1
     for k in range(len(at)):

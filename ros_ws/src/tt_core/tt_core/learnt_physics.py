@@ -1,4 +1,4 @@
-"""Coefficients as text, in the form of a ROS parameter file, as `identify` writes them and the topic `physics` carries them."""
+"""Coefficients of physics as text in the form of a ROS parameter file, as `identify` writes it and the topic `physics` carries it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MOST_CHARACTERS = 20_000  # of a text; one has 6,000
 
 
 def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -> str:
-    """Return all coefficients for each node.
+    """Return the text of a ROS parameter file with all coefficients, for each of several nodes.
 
     Args:
-        physics: The models.
-        base: Name of the models that they belong to, "liu" or "measured".
+        physics: The models of air, table and racket.
+        base: Name of the models that the coefficients were derived from, "liu" or "measured": value of the parameter `physics`.
         nodes: Names of the nodes.
     """
     values = [
@@ -37,15 +37,15 @@ def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -
 
 
 def physics_from_text(text: str, node: str, present: Physics) -> Physics:
-    """Return the models of a node by such a text.
+    """Return the models of a node with the coefficients of a text that `physics_to_text` has made.
 
     Args:
-        text: May come from anywhere.
+        text: The text. It may come from anywhere, so it is checked.
         node: Name of the node.
-        present: What holds for coefficients that the text does not name.
+        present: Models whose coefficients are kept where the text does not name them.
 
     Raises:
-        TtError: The text is too long, no such file, or has nothing for this node.
+        TtError: The text is too long, is no parameter file, or has nothing for this node.
         BadChoice: A coefficient is unknown.
         NotFinite: A coefficient is no finite number.
         OutOfRange: A coefficient is outside its range.

@@ -1,4 +1,4 @@
-"""Lens models: a fisheye lens in the form of OpenCV's rational model, so that the rest of the code knows one model only."""
+"""Conversion of fisheye lenses to OpenCV's rational lens model, so that the rest of the code needs this model only."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from .errors import TtError, check_array
 from .states import Array
 
-WIDEST = math.radians(80.0)  # between a ray and the optical axis; a pinhole projects nothing at 90 degrees
-TOLERANCE = 0.01  # pixels, of the rational model; a ball is located to 0.02
+WIDEST = math.radians(80.0)  # rad, largest angle between a ray and the optical axis; a pinhole projects nothing at 90 degrees
+TOLERANCE = 0.01  # pixels, largest error of the rational model; a ball is located to 0.02 pixels
 _SAMPLES = 400  # angles at which the models are compared
 _PASSES = 6  # of the linear fit, each weighted with the denominator of the one before (Sanathanan and Koerner 1963)
 
@@ -18,18 +18,21 @@ _PASSES = 6  # of the linear fit, each weighted with the denominator of the one 
 def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> Array:
     """Fit the rational model to a fisheye (equidistant) lens.
 
-    The fisheye model of OpenCV images a ray at the angle t to the optical axis at the radius t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8);
-    the rational model images it at r (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) with r = tan t.
+    The fisheye model of OpenCV images a ray at the angle t to the optical axis at the radius t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8). The
+    rational model images it at r (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) with r = tan t. Both radii are multiples
+    of the focal length.
 
     Args:
         fisheye: (4,) k1 to k4 of the fisheye model.
-        reach: Radius of the image's farthest pixel from the principal point, over the focal length.
+        reach: Distance of the image's farthest pixel from the principal point, over the focal length.
         focal_length: Pixels.
 
     Returns:
-        (8,) k1, k2, p1, p2, k3, k4, k5, k6 in the order of OpenCV, exact to TOLERANCE within `reach`.
+        (8,) k1, k2, p1, p2, k3, k4, k5, k6 of the rational model in the order of OpenCV. Its error is below TOLERANCE within `reach`.
 
     Raises:
+        BadShape: `fisheye` has another shape.
+        NotFinite: A coefficient is NaN or infinite.
         TtError: The lens sees more than WIDEST to the side, its radius does not rise with the angle, or the fit is worse than TOLERANCE.
     """
     k1, k2, k3, k4 = check_array("fisheye", fisheye, (4,))

@@ -1,4 +1,4 @@
-"""Parameters with unit, meaning and range, written once: checks, ROS descriptors, YAML and the reference table come from them."""
+"""Parameters with unit, meaning and range, declared in one place for checks, ROS descriptors, YAML files and the reference table."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def param(
     choices: tuple[str, ...] = (),
     dynamic: bool = False,
 ) -> Any:
-    """Return a dataclass field that knows its unit, meaning and range.
+    """Return a dataclass field that carries unit, meaning and range of a parameter in its metadata.
 
     Args:
         default: A bool, int, float, str, or a tuple of one of these.
@@ -29,7 +29,7 @@ def param(
         low: Least value, of each element of a tuple.
         high: Largest value, of each element of a tuple.
         choices: The texts that are allowed; empty for any.
-        dynamic: Whether it acts when it is set while the node runs.
+        dynamic: Whether a new value takes effect while the node runs.
     """
     return field(
         default=default, metadata={"unit": unit, "meaning": meaning, "low": low, "high": high, "choices": choices, "dynamic": dynamic}
@@ -43,7 +43,7 @@ def check(params: Any) -> None:
         OutOfRange: A number, or an element of a tuple, is outside its range.
         NotFinite: A number is NaN or infinite.
         BadChoice: A text is none of the choices.
-        BadShape: A tuple of numbers has another length than its default, unless that is empty.
+        BadShape: A tuple of floats has another length than its default, unless that is empty.
     """
     for f in fields(params):
         if f.metadata:
@@ -51,7 +51,20 @@ def check(params: Any) -> None:
 
 
 def check_value(name: str, value: Any, default: Any, metadata: Mapping[str, Any]) -> None:
-    """Check one value against the metadata of its field; raises as `check` does, with `name` in the error."""
+    """Check one value against the metadata of its field.
+
+    Args:
+        name: Name of the parameter in errors.
+        value: The value.
+        default: Default of the field, which gives the length of a tuple of floats; an empty one allows any length.
+        metadata: Metadata that `param` has made.
+
+    Raises:
+        OutOfRange: A number, or an element of a tuple, is outside its range.
+        NotFinite: A number is NaN or infinite.
+        BadChoice: A text is none of the choices.
+        BadShape: A tuple of floats has another length than its default.
+    """
     if isinstance(value, (tuple, list)):
         if default and isinstance(default[0], float) and len(value) != len(default):
             raise BadShape(name, (len(value),), (len(default),))
@@ -65,7 +78,18 @@ def check_value(name: str, value: Any, default: Any, metadata: Mapping[str, Any]
 
 
 def coerce(name: str, value: Any, default: Any) -> Any:
-    """Return `value` in the type of `default`; integers stand for floats and for their digits, lists for tuples. Raises TtError."""
+    """Convert a value to the type of its default.
+
+    An integer is converted where a float or a text is wanted (the text is its digits), a list where a tuple is wanted.
+
+    Args:
+        name: Name of the parameter in errors.
+        value: The value.
+        default: A value of the type that is wanted.
+
+    Raises:
+        TtError: The value is of another type.
+    """
     kind = type(default)
     if kind is str and isinstance(value, int) and not isinstance(value, bool):
         return str(value)
@@ -79,12 +103,12 @@ def coerce(name: str, value: Any, default: Any) -> Any:
 
 
 def from_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> Any:
-    """Return an instance of a dataclass of `param` fields with the values that a parameter file has.
+    """Return an instance of a dataclass of `param` fields with the values of a parameter file.
 
     Args:
-        kind: The dataclass, or an instance of it, which has the defaults.
-        values: By full name; a name that is missing and NaN stand for the default.
-        prefix: Before the name of each field, e.g. "swing.".
+        kind: The dataclass, or an instance of it that has the defaults.
+        values: Values by full name. The default is used for a name that is missing or whose value is NaN.
+        prefix: Put before the name of each field, e.g. "swing.".
 
     Raises:
         TtError: A value has the wrong type or is outside its range.

@@ -1,4 +1,4 @@
-"""Why a path of the ball ends."""
+"""Reasons why a path of the ball ends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class PathEnd(str, Enum):
-    """What ends a path. A member equals its word, and `str` gives the word."""
+    """What ends a path, the computed flight of the ball. A member equals its word, and `str` gives the word."""
 
     STOP = "stop"  # the stop rule holds
     FLOOR = "floor"

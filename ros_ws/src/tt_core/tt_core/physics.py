@@ -1,4 +1,4 @@
-"""One set of models of air, table and racket: what the robot believes, or what is true in the simulator."""
+"""Models of air, table and racket in one object: the physics that the robot assumes, or the true physics of the simulator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .flight import Aerodynamics, AirCoefficients, air_coefficients
 
 
 class PhysicsCoefficients(NamedTuple):
-    """What the kernels need of `Physics`."""
+    """Coefficients of `Physics` with names, as the compiled functions (kernels) take them."""
 
     air: AirCoefficients
     table: TableCoefficients
@@ -27,7 +27,11 @@ class PhysicsCoefficients(NamedTuple):
 
 @njit(cache=True)
 def physics_coefficients(row: Array) -> PhysicsCoefficients:
-    """Name the numbers of `Physics.coefficients` (19,): 8 of the air, 3 of the table, 7 of the racket, the contact height."""
+    """Give names to the coefficients in an array.
+
+    Args:
+        row: (19,) `Physics.coefficients`: 8 of the air, 3 of the table, 7 of the racket, and the contact height.
+    """
     return PhysicsCoefficients(air_coefficients(row[:8]), table_coefficients(row[8:11]), racket_coefficients(row[11:18]), row[18])
 
 
@@ -42,6 +46,7 @@ class Physics:
         contact_height: m, from a surface to the centre of a ball that touches it, 0 to 0.1; the dissertation uses 0.
 
     Raises:
+        NotFinite: `contact_height` is NaN or infinite.
         OutOfRange: `contact_height` is outside its range.
     """
 
@@ -55,7 +60,13 @@ class Physics:
 
     @classmethod
     def liu(cls, contact_height: float = BALL_RADIUS) -> Physics:
-        """Return the three models of the dissertation."""
+        """Return Liu's models of air, table and rubber, those of the dissertation.
+
+        The dissertation is "Racket Control and Spinning Ball Measurement for Table Tennis Robot" (Nagoya University).
+
+        Args:
+            contact_height: m, from a surface to the centre of a ball that touches it, 0 to 0.1.
+        """
         return cls(Aerodynamics.liu(), TableRebound.liu(), RacketRebound.liu(), contact_height)
 
     @classmethod
@@ -67,5 +78,5 @@ class Physics:
 
     @cached_property
     def coefficients(self) -> Array:
-        """`PhysicsCoefficients` as an array (19,), which a kernel takes from Python."""
+        """All coefficients as one array (19,), in the order of `PhysicsCoefficients`; the form in which Python passes them to kernels."""
         return np.concatenate([self.air.coefficients, self.table.coefficients, self.racket.coefficients, [self.contact_height]])

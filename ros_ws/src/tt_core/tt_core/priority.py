@@ -1,4 +1,4 @@
-"""The scheduling priority of a process."""
+"""Scheduling priority of a process under Linux."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ TASKS = Path("/proc/self/task")  # the threads of this process
 
 @dataclass(frozen=True)
 class Priority:
-    """How urgent the work of a process is.
+    """Scheduling priority that a process asks for.
 
-    With a real-time priority a thread runs at once on any core on which nothing as urgent runs, and is not interrupted by other programs.
-    Between two processes without one Linux divides the time of a core; one that is interrupted after each millisecond, and moved from core
-    to core, takes twice as long.
+    A thread with a real-time priority runs at once on any core on which nothing as urgent runs, and other programs do not interrupt it.
+    Processes without a real-time priority share the cores in slices of time: one that is interrupted after each millisecond, and moved from
+    core to core, takes twice as long.
 
     Attributes:
-        realtime: Level of SCHED_FIFO, 1 to 99; 0: none.
-        nice: Used where real-time priorities are not permitted; -20, the most urgent, to 19.
+        realtime: Level of SCHED_FIFO, 1 to 99; 0 for no real-time priority.
+        nice: Nice value where real-time priorities are not permitted, from -20, the most urgent, to 19.
     """
 
     realtime: int = 0
@@ -29,18 +29,18 @@ class Priority:
 
 ORDINARY = Priority()
 CONTROL = Priority(20, -10)  # arm and hardware: short work at fixed times
-RESPONSE = Priority(15, -5)  # camera, tracker, prediction, strokes: short work that a ball on its way waits for
-MEASUREMENT = Priority(10, -5)  # long work that a ball waits for
+RESPONSE = Priority(15, -5)  # camera, tracker, prediction, strokes: short work, needed while the ball is in flight
+MEASUREMENT = Priority(10, -5)  # long work, needed while the ball is in flight
 
 
 def set_nice(nice: int) -> None:
     """Set the nice value of this process, of the threads that it starts from now on, and of its session if it leads one.
 
     Linux shares the processor between sessions first (autogroup, man 7 sched): the nice value of a process counts within its session only.
-    A process that a launch file has started leads a session of its own. A real-time priority that was inherited ends.
+    A process that a launch file has started leads a session of its own. A real-time priority that this process has inherited is removed.
 
     Args:
-        nice: -20, the most urgent, to 19.
+        nice: From -20, the most urgent, to 19.
 
     Raises:
         PermissionError: A negative value is not permitted (ulimit -e).
@@ -54,15 +54,15 @@ def set_nice(nice: int) -> None:
 
 
 def set_realtime(level: int) -> None:
-    """Give a real-time priority to all threads of this process, but not to those that have one already.
+    """Give a real-time priority to all threads of this process that have none yet.
 
-    Threads that are started later inherit that of the thread that starts them.
+    Threads that are started later inherit the priority of the thread that starts them.
 
     Args:
-        level: Of SCHED_FIFO, 1 to 99.
+        level: Level of SCHED_FIFO, 1 to 99.
 
     Raises:
-        PermissionError: That level is not permitted (ulimit -r).
+        PermissionError: This level is not permitted (ulimit -r).
     """
     for task in TASKS.iterdir():
         with suppress(ProcessLookupError):  # a thread that has ended meanwhile
@@ -71,6 +71,10 @@ def set_realtime(level: int) -> None:
 
 
 def set_thread_realtime(level: int) -> None:
-    """Give the calling thread a real-time priority if that is permitted. level: Of SCHED_FIFO, 1 to 99."""
+    """Give the calling thread a real-time priority; do nothing if that is not permitted.
+
+    Args:
+        level: Level of SCHED_FIFO, 1 to 99.
+    """
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(level))

@@ -1,4 +1,4 @@
-"""What is known of an arm before its URDF is read: its arm file, found by the name or the path that a parameter `robot` has.
+"""Arm files: what is known of an arm before its URDF is read. They are found by the name or path in the parameter `robot`.
 
 An arm that comes with the workspace is a folder `config/NAME` of tt_bringup with the URDF and the arm file arm.yaml. See docs/arms.md.
 """
@@ -22,20 +22,21 @@ ARM_FILE = "arm.yaml"  # in the folder of an arm
 
 @dataclass(frozen=True)
 class ArmFile:
-    """What a file says of an arm.
+    """Content of an arm file: which URDF describes the arm, how arm and racket are mounted, and where the arm hits balls.
 
     Attributes:
-        urdf: Path of the URDF, relative to the file.
-        tip: As of `tt_arm.model.ArmModel.from_urdf`.
-        base: As of `from_urdf`.
-        mount: As of `from_urdf`.
-        waiting: As of `from_urdf`.
-        limits: As of `tt_arm.model.UrdfOptions`.
-        fixed: As of `UrdfOptions`.
-        left_out: As of `UrdfOptions`.
-        hit_window: Where the arm hits balls.
-        racket_speed: m/s, the highest of the strokes that are offered to the arm.
-        command_timeout: s, for which its drives hold a command.
+        urdf: Path of the URDF, relative to the arm file.
+        tip: Link that the racket is mounted on; None for the only link to which nothing is attached.
+        base: Pose of the root link in `table`: x, y, z (m) and yaw (rad), or x, y, z and roll, pitch, yaw.
+        mount: Pose of the racket on the tip: distance (m) along the tip's z axis and angle (rad) about its y axis, or x, y, z (m) and roll,
+            pitch, yaw (rad). None for the pose that the URDF states.
+        waiting: (n,) rad or m, joint positions in which the arm waits for a ball; None for the middle of each joint's range.
+        limits: Joint limits that replace those of the URDF, by joint and by limit, see `tt_arm.arm_urdf.urdf.UrdfOptions`.
+        fixed: Positions (rad or m) of moving joints that are to be fixed, by joint.
+        left_out: Names of links of the URDF that are left out, with everything attached to them.
+        hit_window: Box in which the arm hits balls.
+        racket_speed: m/s, highest racket speed of the strokes that are offered to the arm, 0.1 to 20.
+        command_timeout: s, for which the drives hold a command, 0.001 to 10.
     """
 
     urdf: str
@@ -57,7 +58,7 @@ class ArmFile:
 
 
 def robots() -> dict[str, Path]:
-    """Return the folders of the arms that come with the workspace, by name; none where tt_bringup is not installed."""
+    """Return the folders of the arms that come with the workspace, by the names of the arms; empty if tt_bringup is not installed."""
     try:
         config = Path(get_package_share_directory("tt_bringup")) / "config"
     except (PackageNotFoundError, LookupError):
@@ -69,10 +70,11 @@ def arm_file(robot: str) -> Path:
     """Return the path of an arm file.
 
     Args:
-        robot: Name of an arm that comes with the workspace, an arm file, or a folder with an arm file arm.yaml; empty for DEFAULT.
+        robot: Name of an arm that comes with the workspace, or the path of an arm file or of a folder with an arm file arm.yaml. Empty for
+            DEFAULT.
 
     Raises:
-        BadFile: There is none.
+        BadFile: There is no such arm file.
     """
     known = robots()
     path = known[robot or DEFAULT] if (robot or DEFAULT) in known else Path(robot)
@@ -84,13 +86,16 @@ def arm_file(robot: str) -> Path:
 
 
 def read_arm(robot: str) -> tuple[ArmFile, Path]:
-    """Read the arm file of a robot, see `arm_file`.
+    """Read the arm file of a robot.
+
+    Args:
+        robot: Name or path, as for `arm_file`.
 
     Returns:
-        What it says, and the path of the URDF.
+        The content of the arm file, and the path of the URDF.
 
     Raises:
-        BadFile: There is no such file, it cannot be read, or something in it is wrong.
+        BadFile: There is no such file, it cannot be read, or a value in it is wrong.
     """
     path = arm_file(robot)
     given = build(ArmFile, read(path), path.name)

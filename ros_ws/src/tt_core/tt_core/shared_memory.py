@@ -1,4 +1,4 @@
-"""The middleware's files in shared memory: what dead processes left there, and the room that a node needs."""
+"""Files of the middleware Fast DDS in shared memory: removal of files that dead processes left, and a check of the free space."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ FILE = re.compile(r"fastrtps_(port\d+|[0-9a-f]{16})")  # a port at which a parti
 
 
 def check_room() -> None:
-    """End with exit code 2 and one line where shared memory is full.
+    """End the process with one line and exit code 2 if shared memory has fewer than ROOM bytes free.
 
-    Libraries of ROS map files there, and the process would end with SIGBUS. With more room than ROOM the middleware goes on with UDP.
+    Libraries of ROS map files into shared memory. Without free space the process would end with SIGBUS. With more than ROOM bytes the
+    middleware uses UDP where shared memory does not suffice.
     """
     if FOLDER.is_dir():
         disk = os.statvfs(FOLDER)
@@ -29,18 +30,18 @@ def check_room() -> None:
 
 
 def remove_leftovers(folder: Path = FOLDER) -> list[str]:
-    """Remove the files of Fast DDS that dead processes left and nobody uses, as `fastdds shm clean` does.
+    """Remove the files of Fast DDS that dead processes left and that nobody uses, as `fastdds shm clean` does.
 
-    A node that is killed leaves its files, about 0.6 MB: nodes that are started again and again fill the shared memory of a container, 64
-    MB. Each file has a lock, the file with `_el` behind the name, which its owner holds as long as it lives. A file is left over if
-    nobody holds its lock and no process whose memory map can be read has mapped it. The lock is held during the check, so that no new
-    participant can begin to use the file.
+    A node that is killed leaves its files, about 0.6 MB. If nodes are started and killed again and again, these fill the shared memory of a
+    container, 64 MB. Each file has a lock file, whose name ends with `_el`; its owner holds the lock as long as it lives. A file is left
+    over if nobody holds its lock and no process whose memory map can be read has mapped it. This function holds the lock while it checks,
+    so that no new participant can begin to use the file.
 
     Args:
-        folder: Where the files are.
+        folder: Folder of the files.
 
     Returns:
-        The names of the files that were removed, without those of locks.
+        The names of the files that were removed, without those of lock files.
     """
     removed = []
     with ExitStack() as locks:

@@ -1,4 +1,4 @@
-"""Rotations in three dimensions, as kernels; scipy's Rotation where speed does not matter."""
+"""Rotations in three dimensions, as compiled functions. Where speed does not matter, scipy's Rotation is used."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .states import Array
 
 @njit(cache=True, nogil=True)
 def rotation_matrix(v: Array) -> Array:
-    """Return the (3, 3) rotation by the rotation vector v (3,) rad: the exponential of its cross product matrix (Rodrigues)."""
+    """Return the rotation matrix (3, 3) of a rotation vector v (3,) in rad, by Rodrigues' formula."""
     angle2 = float(v @ v)
     angle = math.sqrt(angle2)
     a, b = 1.0, 0.5
@@ -24,7 +24,10 @@ def rotation_matrix(v: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def left_jacobian(v: Array) -> Array:
-    """Return the (3, 3) left Jacobian J at v (3,) rad: exp(v + d) = exp(J d) exp(v) to first order in d."""
+    """Return the left Jacobian J (3, 3) of the rotation vector v (3,) in rad.
+
+    With exp = `rotation_matrix`, exp(v + d) = exp(J d) exp(v) to first order in a small change d of the rotation vector.
+    """
     angle2 = float(v @ v)
     angle = math.sqrt(angle2)
     if angle < 1e-4:

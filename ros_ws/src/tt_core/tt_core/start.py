@@ -1,4 +1,4 @@
-"""The first code of a node's process: `python -m tt_core.start MODULE ARGUMENTS`, or `start` in the executables."""
+"""Entry point of a node's process: `python -m tt_core.start MODULE ARGUMENTS`, or the function `start` in the executables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def default_signals() -> None:
 
 
 def print_help(module: str) -> None:
-    """Print what a node does, and how it takes parameters."""
+    """Print the docstring of a node's module, and how the node takes parameters. The module is not imported."""
     name = module.rpartition(".")[2]
     spec = importlib.util.find_spec(module)
     assert spec is not None and spec.origin is not None

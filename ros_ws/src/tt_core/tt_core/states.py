@@ -24,7 +24,7 @@ def _freeze(state: object, **shapes: tuple[int, ...]) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BallState:
-    """The ball at one instant.
+    """The ball at one instant, in frame `table`.
 
     Attributes:
         time: s.
@@ -52,17 +52,30 @@ class BallState:
 
     @property
     def vector(self) -> Array:
-        """Position, velocity and spin as one array (9,)."""
+        """Position (m), velocity (m/s) and spin (rad/s) as one array (9,)."""
         return np.concatenate([self.position, self.velocity, self.spin])
 
     @classmethod
     def from_vector(cls, time: float, vector: Array, covariance: Array | None = None) -> BallState:
-        """Return the state of a vector (9,) of position, velocity, spin."""
+        """Return the state whose numbers are in one array.
+
+        Args:
+            time: s.
+            vector: (9,) position (m), velocity (m/s), spin (rad/s).
+            covariance: (9, 9) of `vector`, or None if unknown.
+        """
         return cls(time, vector[POSITION], vector[VELOCITY], vector[SPIN], covariance)
 
     @classmethod
     def trusted(cls, time: float, position: Array, velocity: Array, spin: Array) -> BallState:
-        """Return the state of read-only arrays (3,) that are known to be valid, without copying or checking them."""
+        """Return a state without copying or checking its arrays, which must be valid and read-only.
+
+        Args:
+            time: s.
+            position: (3,) m.
+            velocity: (3,) m/s.
+            spin: (3,) rad/s.
+        """
         ball = cls.__new__(cls)
         _set(ball, "time", time)
         _set(ball, "position", position)
@@ -74,11 +87,11 @@ class BallState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bounce:
-    """A contact with the table.
+    """One contact of the ball with the table.
 
     Attributes:
         before: The ball just before the contact.
-        after: The ball just after it, at the same time and place.
+        after: The ball just after the contact, at the same time and place.
     """
 
     before: BallState
@@ -91,16 +104,18 @@ class Bounce:
 
     @property
     def position(self) -> Array:
-        """Centre of the ball at the contact, (3,) m."""
+        """Centre of the ball at the contact, (3,) m in `table`."""
         return self.after.position
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BallPath:
-    """The ball over time, dense enough for cubic interpolation: less than 1e-7 m off between points 20 ms apart.
+    """Flight of the ball over time, e.g. a predicted one: its states at successive times, in frame `table`.
+
+    The states are dense enough for cubic interpolation: between points 20 ms apart it is less than 1e-7 m off.
 
     Attributes:
-        times: (n,) s, not decreasing. A bounce is two points of one time, before and after.
+        times: (n,) s, not decreasing. A bounce is two points of the same time: the states before and after it.
         positions: (n, 3) m.
         velocities: (n, 3) m/s.
         spins: (n, 3) rad/s.
@@ -130,7 +145,13 @@ class BallPath:
 
     @classmethod
     def trusted(cls, rows: Array, bounces: tuple[Bounce, ...], ended: PathEnd) -> BallPath:
-        """Return the path of read-only rows (n, 10) of time and state that are known to be valid, without copying or checking them."""
+        """Return a path without copying or checking its array, which must be valid and read-only.
+
+        Args:
+            rows: (n, 10) time (s), position (m), velocity (m/s) and spin (rad/s) of each point.
+            bounces: The contacts with the table.
+            ended: Why the path stops where it does.
+        """
         path = cls.__new__(cls)
         _set(path, "times", rows[:, TIME])
         _set(path, "positions", rows[:, _ROW_POSITION])
@@ -142,26 +163,27 @@ class BallPath:
 
     @property
     def end(self) -> BallState:
-        """The ball at the last point."""
+        """The ball at the last point of the path."""
         return BallState.trusted(float(self.times[-1]), self.positions[-1], self.velocities[-1], self.spins[-1])
 
     def at(self, time: float) -> BallState:
-        """Return the ball at `time` (s), after the bounce if a bounce is at that time.
+        """Return the ball at `time` (s). At the time of a bounce this is the ball after the bounce.
 
         Raises:
+            NotFinite: `time` is NaN or infinite.
             OutOfRange: `time` is not on the path.
         """
         row = self.rows(np.array([check_range("time", time, self.times[0], self.times[-1])]))[0]
         return BallState.trusted(float(time), row[POSITION], row[VELOCITY], row[SPIN])
 
     def rows(self, times: Array) -> Array:
-        """Return the ball at many times.
+        """Return the states of the ball at many times as one array.
 
         Args:
-            times: (n,) s, all on the path.
+            times: (n,) s, all on the path; this is not checked.
 
         Returns:
-            (n, 9) position, velocity, spin, read-only, after the bounce where a time is that of a bounce.
+            (n, 9) position (m), velocity (m/s) and spin (rad/s), read-only. At the time of a bounce this is the state after the bounce.
         """
         states = np.concatenate([self.positions, self.velocities, self.spins], axis=1)
         out: Array = interpolate_states(np.array(self.times), states, np.array(times))
@@ -171,7 +193,7 @@ class BallPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReturnGoal:
-    """What the returned ball is asked to do.
+    """Goal of a return: where the returned ball is to land, how long it is to fly, and with which spin. Frame `table`.
 
     Attributes:
         landing: (2,) m, x and y of the ball's centre at its first contact with the table.
@@ -197,7 +219,7 @@ class ReturnGoal:
         self._fill(np.array([*landing.tolist(), self.flight_time, self.spin_y, self.spin_z], dtype=np.float64))
 
     def _fill(self, vector: Array) -> None:
-        """Check the numbers of an array (5,) that nobody else writes to, and take them."""
+        """Check the numbers of an array (5,) that no other object uses, and store them."""
         x, y, flight_time, spin_y, spin_z = vector.tolist()
         check_range("landing x", x, -math.inf, math.inf)
         check_range("landing y", y, -math.inf, math.inf)
@@ -210,7 +232,15 @@ class ReturnGoal:
 
     @classmethod
     def from_vector(cls, vector: Array) -> ReturnGoal:
-        """Return the goal of a vector (5,) of landing x, landing y, flight time, spin y, spin z; raises as the class does."""
+        """Return the goal whose numbers are in one array, as in the attribute `vector`.
+
+        Args:
+            vector: (5,) landing x (m), landing y (m), flight time (s), spin y (rad/s), spin z (rad/s).
+
+        Raises:
+            NotFinite: A number is NaN or infinite.
+            OutOfRange: A number is outside its range.
+        """
         goal = cls.__new__(cls)
         goal._fill(np.array(vector, dtype=np.float64))
         return goal
@@ -218,7 +248,7 @@ class ReturnGoal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RacketState:
-    """The racket at the strike.
+    """The racket at the instant at which it hits the ball, in frame `table`: a stroke.
 
     The orientation is rotation_racket_to_table = Ry(beta) Rx(alpha) (dissertation Section 3.4, the direction corrected).
 
@@ -247,7 +277,15 @@ class RacketState:
 
     @classmethod
     def trusted(cls, time: float, position: Array, velocity: Array, alpha: float, beta: float) -> RacketState:
-        """Return the state of read-only arrays (3,) that are known to be valid, without copying or checking them."""
+        """Return a state without copying or checking its arrays, which must be valid and read-only.
+
+        Args:
+            time: s.
+            position: (3,) m, centre of the face.
+            velocity: (3,) m/s.
+            alpha: rad, rotation about x.
+            beta: rad, rotation about y.
+        """
         racket = cls.__new__(cls)
         _set(racket, "time", time)
         _set(racket, "position", position)
@@ -258,7 +296,18 @@ class RacketState:
 
     @classmethod
     def facing(cls, time: float, position: Array, velocity: Array, normal: Array) -> RacketState:
-        """Return the racket with the unit face normal (3,): alpha = -asin(n_y), beta = atan2(n_x, n_z)."""
+        """Return the racket with a given face normal n: alpha = -asin(n_y), beta = atan2(n_x, n_z).
+
+        Args:
+            time: s.
+            position: (3,) m in `table`, centre of the face.
+            velocity: (3,) m/s in `table`.
+            normal: (3,) unit face normal n in `table`.
+
+        Raises:
+            BadShape: An array has another shape.
+            NotFinite: A number is NaN or infinite.
+        """
         alpha = -math.asin(min(1.0, max(-1.0, float(normal[1]))))
         return cls(time, position, velocity, alpha, math.atan2(float(normal[0]), float(normal[2])))
 
@@ -270,6 +319,6 @@ class RacketState:
 
     @property
     def rotation(self) -> Array:
-        """Rotation (3, 3) from racket to table, as printed in Section 3.4."""
+        """Rotation matrix (3, 3) from the racket's frame to `table`, as printed in Section 3.4 of the dissertation."""
         sa, ca, sb, cb = math.sin(self.alpha), math.cos(self.alpha), math.sin(self.beta), math.cos(self.beta)
         return np.array([[cb, sb * sa, sb * ca], [0.0, ca, -sa], [-sb, cb * sa, cb * ca]])

@@ -1,6 +1,6 @@
-"""Dataclasses from YAML files, strictly, by cattrs.
+"""Reading of dataclasses from YAML files, with strict checks, by cattrs.
 
-Unknown and repeated keys are refused, and an error names file and path of every wrong value.
+Unknown and repeated keys are refused. An error names the file and the path of every wrong value.
 For example: `fast.yaml: launcher.rate: -3 is outside [26, 94]`.
 """
 
@@ -27,15 +27,15 @@ def names(folder: Path) -> list[str]:
 
 
 def find(name: str, folder: Path, beside: Path = Path()) -> Path:
-    """Find a file by name or path.
+    """Return the path of a file that is given by its name or its path.
 
     Args:
-        name: Of a file in `folder`, without suffix, or the path of another one.
-        folder: Where the named files are.
-        beside: What a path may be relative to, besides the working directory.
+        name: Name of a YAML file in `folder`, without suffix, or the path of another one.
+        folder: Folder of the files that are found by name.
+        beside: Folder that a path may be relative to, besides the working directory.
 
     Raises:
-        BadFile: There is none.
+        BadFile: There is no such file.
     """
     if name in names(folder):
         return folder / f"{name}.yaml"
@@ -66,10 +66,10 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def read(file: Path) -> dict[str, Any]:
-    """Read the mapping that a file holds.
+    """Read a YAML file that holds a mapping.
 
     Raises:
-        BadFile: It cannot be read, is longer than MOST_BYTES, or holds no mapping.
+        BadFile: The file cannot be read, is longer than MOST_BYTES, or holds no mapping.
     """
     try:
         if file.stat().st_size > MOST_BYTES:
@@ -88,15 +88,16 @@ def read(file: Path) -> dict[str, Any]:
 def build(kind: type, content: Mapping[str, Any], file: str) -> Any:
     """Make an instance of a dataclass from a mapping.
 
-    Fields that are not there have their defaults; parts that are instances already are kept. Fields marked by `not_in_file` are unknown.
+    Fields that are missing in the mapping have their defaults. Values that are instances already are taken as they are. Fields marked by
+    `not_in_file` are refused as unknown keys.
 
     Args:
         kind: The dataclass.
-        content: As `read` returns it.
-        file: Its name, for errors.
+        content: The mapping, as `read` returns it.
+        file: Name of the file, for errors.
 
     Raises:
-        BadFile: Something in it is wrong.
+        BadFile: A value is wrong, a key is unknown, or a field without a default is missing.
     """
     try:
         return CONVERTER.structure(content, kind)

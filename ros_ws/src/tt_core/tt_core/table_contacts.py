@@ -1,8 +1,6 @@
-"""Contacts of the ball with table, table edge and net within one integration step, as compiled kernels that do not validate.
+"""Contacts of the ball with table, table edge and net within one integration step, as compiled functions that do not validate.
 
-Arguments that all of them share: `state` and `end` are the ball (9,) at the start and the end of a step of `h` seconds; `contact` is the
-height in m of the ball's centre when it touches a surface; `air` are the coefficients; `trial` (9,) is filled with the ball at the contact;
-`work` (8, 3) is scratch.
+A state (9,) is position (m), velocity (m/s), spin (rad/s) in frame `table`.
 """
 
 from __future__ import annotations
@@ -21,13 +19,26 @@ MOST_ACCELERATION = 100.0  # m/s^2, more than a ball ever has; bounds how far it
 
 @njit(cache=True)
 def over_table(state: Array) -> bool:
-    """Tell whether the centre of the ball is above the playing surface, at any height."""
+    """Tell whether the centre of a ball with the given state (9,) is above the playing surface, at any height."""
     return 0.0 <= state[X] <= TABLE_LENGTH and 0.0 <= state[Y] <= TABLE_WIDTH
 
 
 @njit(cache=True)
 def meets_surface(state: Array, end: Array, h: float, contact: float, air: AirCoefficients, trial: Array, work: Array) -> float:
-    """Return the seconds into the step at which the ball comes down to z = contact over the table, or inf."""
+    """Find the time at which the falling ball touches the playing surface within one step.
+
+    Args:
+        state: (9,) the ball at the start of the step.
+        end: (9,) the ball at the end of the step.
+        h: s, length of the step.
+        contact: m, height of the ball's centre when the ball touches a surface.
+        air: Coefficients.
+        trial: (9,) filled with the ball at the contact.
+        work: (8, 3) scratch.
+
+    Returns:
+        The time of the contact, s after the start of the step; inf if there is none.
+    """
     at = np.inf
     if end[Z] <= contact:
         if state[Z] > contact:
@@ -52,10 +63,22 @@ def _edge_gap(state: Array, contact: float) -> float:
 
 @njit(cache=True)
 def meets_edge(state: Array, end: Array, h: float, contact: float, air: AirCoefficients, trial: Array, work: Array) -> float:
-    """Return the seconds into the step at which a ball that falls past the table touches its edge, or inf.
+    """Find the time at which a ball that falls beside the table touches the table's edge within one step.
 
-    The contact is searched for at three times, while the height of the centre falls from `contact` to 0, which takes some milliseconds: at
-    the start, in the middle and at the end.
+    Whether the ball touches the edge is checked at three times, while the height of its centre falls from `contact` to 0, which takes some
+    milliseconds: at the start, in the middle and at the end.
+
+    Args:
+        state: (9,) the ball at the start of the step.
+        end: (9,) the ball at the end of the step.
+        h: s, length of the step.
+        contact: m, height of the ball's centre when the ball touches a surface.
+        air: Coefficients.
+        trial: (9,) filled with states at trial times, the last one within 1e-15 h of the contact.
+        work: (8, 3) scratch.
+
+    Returns:
+        The time of the contact, s after the start of the step; inf if there is none.
     """
     if not (state[Z] > 0.0 and end[Z] < contact) or contact <= 0.0:
         return np.inf
@@ -78,10 +101,21 @@ def meets_edge(state: Array, end: Array, h: float, contact: float, air: AirCoeff
 
 @njit(cache=True)
 def meets_net(state: Array, end: Array, h: float, air: AirCoefficients, trial: Array, work: Array) -> float:
-    """Return the seconds into the step at which the ball meets the net, or inf.
+    """Find the time at which the ball meets the net within one step.
 
     The ball meets the net when its front reaches the net below the tape, or when its centre reaches the plane of the net less than a radius
     above the tape.
+
+    Args:
+        state: (9,) the ball at the start of the step.
+        end: (9,) the ball at the end of the step.
+        h: s, length of the step.
+        air: Coefficients.
+        trial: (9,) filled with the ball at the contact.
+        work: (8, 3) scratch.
+
+    Returns:
+        The time of the contact, s after the start of the step; inf if there is none.
     """
     sag = MOST_ACCELERATION * h * h / 8.0
     side = 1.0 if state[X] > NET_X else -1.0

@@ -1,12 +1,13 @@
-"""Flight and bounces with exact derivatives: how the ball depends on its start and on coefficients of air and table.
+"""Flight and bounces with exact derivatives of the ball's state by its initial state and by coefficients of air and table.
 
 The variational equations of the flight are integrated with the flight itself, by the same Runge-Kutta step. At a bounce the derivatives
-jump: the Jacobian of the rebound, and the change of the time of the bounce, which is what the saltation matrix of hybrid systems holds
-(Leine and Nijmeijer: Dynamics and Bifurcations of Non-Smooth Mechanical Systems, Section 7). The ball flies through net and floor here, and
-past the edges of the table.
+jump: they are changed by the Jacobian of the rebound and by the change of the time of the bounce. Together these are the saltation matrix
+of hybrid systems (Leine and Nijmeijer: Dynamics and Bifurcations of Non-Smooth Mechanical Systems, Section 7). In this module the ball
+flies through net and floor, and past the edges of the table.
 
-Derivatives are by the parameters (PARAMETERS,): position, velocity and spin at the start, then the logarithms of factors on drag, lift,
-and the restitution, friction and grip of the table. None of these kernels validates its arguments.
+A state (9,) is position (m), velocity (m/s), spin (rad/s) in frame `table`. Derivatives are by the parameters (PARAMETERS,): the initial
+state, then the natural logarithms of factors on drag, lift, and the restitution, friction and grip of the table. None of these compiled
+functions (kernels) validates its arguments.
 """
 
 from __future__ import annotations
@@ -26,26 +27,26 @@ from .table_contacts import meets_surface, over_table
 
 PARAMETERS = 14
 DRAG, LIFT, RESTITUTION, FRICTION, GRIP = range(9, PARAMETERS)  # logarithms of factors, after the state
-LEAST_SPIN = 5.0  # rad/s: below it the derivatives of h (3.3), which jumps at zero spin, are those at this spin
-SUNK = 0.05  # m below contact, down to which a falling ball over the table is taken to have bounced just before
+LEAST_SPIN = 5.0  # rad/s: for less spin, the derivatives of h (3.3), which jumps at zero spin, are those at this spin
+SUNK = 0.05  # m below the contact; a falling ball over the table that is less deep should have bounced just before
 REST = 0.05  # m/s: a slower ball does not bounce any more
 
 
 class Scratch(NamedTuple):
-    """Arrays that the kernels fill."""
+    """Arrays in which the functions of this module keep intermediate results."""
 
-    work: Array  # (8, 3), of the integrator
-    trial: Array  # (9,)
-    end: Array  # (9,)
+    work: Array  # (8, 3), scratch of the integrator
+    trial: Array  # (9,), state at a trial time
+    end: Array  # (9,), state at the end of a step
     stages: Array  # (6, 3, PARAMETERS), derivatives of the acceleration at each stage
     stage: Array  # (3, PARAMETERS), derivatives of the velocity at one stage
     jacobian: Array  # (3, 8), of the acceleration by velocity, spin, and the logarithms of drag and lift
-    tangents: Array  # (9, PARAMETERS)
+    tangents: Array  # (9, PARAMETERS), derivatives of the state by the parameters
 
 
 @njit(cache=True)
 def scratch() -> Scratch:
-    """Return new arrays."""
+    """Return new arrays for the other functions of this module."""
     return Scratch(
         np.empty((8, 3)),
         np.empty(9),
@@ -59,7 +60,13 @@ def scratch() -> Scratch:
 
 @njit(cache=True)
 def air_with_factors(air: AirCoefficients, drag: float, lift: float) -> AirCoefficients:
-    """Return the coefficients of the air with factors on its drag and its lift."""
+    """Return the coefficients of the air with its drag and its lift multiplied by factors.
+
+    Args:
+        air: Coefficients.
+        drag: Factor on the drag.
+        lift: Factor on the lift.
+    """
     return AirCoefficients(
         air.gravity,
         air.drag * drag,
@@ -74,7 +81,12 @@ def air_with_factors(air: AirCoefficients, drag: float, lift: float) -> AirCoeff
 
 @njit(cache=True)
 def with_factors(physics: PhysicsCoefficients, parameters: Array) -> PhysicsCoefficients:
-    """Return the coefficients times the factors whose logarithms are in parameters (PARAMETERS,)."""
+    """Return the coefficients of air and table multiplied by factors; those of the racket stay.
+
+    Args:
+        physics: Coefficients.
+        parameters: (PARAMETERS,) whose elements DRAG to GRIP are the natural logarithms of the factors.
+    """
     table = physics.table
     return PhysicsCoefficients(
         air_with_factors(physics.air, math.exp(parameters[DRAG]), math.exp(parameters[LIFT])),
@@ -92,7 +104,21 @@ def with_factors(physics: PhysicsCoefficients, parameters: Array) -> PhysicsCoef
 def acceleration_jacobian(
     v0: float, v1: float, v2: float, w0: float, w1: float, w2: float, air: AirCoefficients, out: Array
 ) -> tuple[float, float, float]:
-    """Return the acceleration (3.1)-(3.3), and fill out (3, 8) with its derivatives: see `Scratch.jacobian`."""
+    """Compute the acceleration of the ball, (3.1)-(3.3) of the dissertation, and its derivatives.
+
+    Args:
+        v0: m/s, velocity along x.
+        v1: m/s, velocity along y.
+        v2: m/s, velocity along z.
+        w0: rad/s, spin about x.
+        w1: rad/s, spin about y.
+        w2: rad/s, spin about z.
+        air: Coefficients.
+        out: (3, 8) filled with the derivatives by velocity, spin, and the logarithms of factors on drag and lift.
+
+    Returns:
+        The three components of the acceleration, m/s^2.
+    """
     across, flat = v0 * w1 - v1 * w0, v0 * v0 + v1 * v1
     norm2 = across * across + flat * w2 * w2
     norm, speed2 = math.sqrt(norm2), flat + v2 * v2
@@ -245,18 +271,18 @@ def _bounce(state: Array, tangents: Array, physics: PhysicsCoefficients, space: 
 
 @njit(cache=True)
 def advance(state: Array, tangents: Array, longest: float, physics: PhysicsCoefficients, space: Scratch) -> tuple[float, bool]:
-    """Fly one step, or up to the next bounce if that comes first, in place.
+    """Let the ball fly one step, or to its next bounce if that comes first; change state and derivatives in place.
 
     Args:
-        state: (9,) of the ball.
-        tangents: (9, PARAMETERS), its derivatives.
+        state: (9,) position (m), velocity (m/s), spin (rad/s) of the ball.
+        tangents: (9, PARAMETERS) derivatives of the state by the parameters.
         longest: s, longest step, positive.
-        physics: Models of air and table, with all factors.
-        space: Scratch.
+        physics: Coefficients of air and table, already multiplied by all factors.
+        space: Scratch arrays.
 
     Returns:
-        The duration in s, and whether the ball now is in contact and has to be given to `bounce_now`. The duration is negative for a ball
-        that is already below its contact with the table: it goes back to the contact.
+        The duration in s, and whether the ball now touches the table, so that `bounce_now` must be called. The duration is negative for a
+        ball that is already below its contact with the table: it goes back to the contact.
     """
     air, contact = physics.air, physics.contact_height
     if contact - SUNK < state[Z] < contact and state[VZ] < -REST and over_table(state):
@@ -279,14 +305,32 @@ def advance(state: Array, tangents: Array, longest: float, physics: PhysicsCoeff
 
 @njit(cache=True)
 def bounce_now(state: Array, tangents: Array, physics: PhysicsCoefficients, space: Scratch) -> None:
-    """Let the ball bounce that `advance` has brought to the table, in place."""
+    """Let the ball bounce that `advance` has brought to the table; change state and derivatives in place.
+
+    Args:
+        state: (9,) position (m), velocity (m/s), spin (rad/s) of the ball.
+        tangents: (9, PARAMETERS) derivatives of the state by the parameters.
+        physics: Coefficients of air and table, already multiplied by all factors.
+        space: Scratch arrays.
+    """
     state[Z] = physics.contact_height
     _bounce(state, tangents, physics, space)
 
 
 @njit(cache=True)
 def fly_through(state: Array, tangents: Array, duration: float, physics: PhysicsCoefficients, space: Scratch) -> int:
-    """Fly and bounce for a duration (s, not negative), in place; return the number of bounces."""
+    """Let the ball fly and bounce for a given duration; change state and derivatives in place.
+
+    Args:
+        state: (9,) position (m), velocity (m/s), spin (rad/s) of the ball.
+        tangents: (9, PARAMETERS) derivatives of the state by the parameters.
+        duration: s, not negative.
+        physics: Coefficients of air and table, already multiplied by all factors.
+        space: Scratch arrays.
+
+    Returns:
+        The number of bounces.
+    """
     left, bounces = duration, 0
     while left > 1e-12:
         h, contact = advance(state, tangents, left, physics, space)
@@ -299,7 +343,7 @@ def fly_through(state: Array, tangents: Array, duration: float, physics: Physics
 
 @njit(cache=True)
 def start_tangents(tangents: Array) -> None:
-    """Fill tangents (9, PARAMETERS) with the derivatives at the start: the state is its own parameter."""
+    """Fill tangents (9, PARAMETERS) with the derivatives at the start: 1 for each state by itself, 0 for all others."""
     tangents[:] = 0.0
     for k in range(9):
         tangents[k, k] = 1.0

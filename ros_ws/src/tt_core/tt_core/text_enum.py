@@ -6,9 +6,10 @@ from enum import Enum
 
 
 class TextEnum(str, Enum):
-    """Base of such an enumeration; the same as `enum.StrEnum`, which Python has from 3.11 on.
+    """Base class of enumerations whose values are the words that files, tables and diagnostics show.
 
-    Code decides on members. `str(member)` and `f"{member}"` are the word, and `Kind("the word")` is the member.
+    It does the same as `enum.StrEnum`, which Python has from 3.11 on. Code decides on members. `str(member)` and `f"{member}"` give the
+    word, and `Kind("the word")` gives the member of an enumeration Kind.
     """
 
     __str__ = str.__str__

@@ -1,4 +1,4 @@
-"""The cattrs converter that makes dataclasses from what a YAML file holds, and says every value that is wrong."""
+"""The cattrs converter that makes dataclasses from the content of YAML files and reports all wrong values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MODELS = {
 
 
 def not_in_file() -> Mapping[str, bool]:
-    """Return the metadata of a dataclass field that no file may set."""
+    """Return the metadata that marks a dataclass field as one that no file may set."""
     return {"not_in_file": True}
 
 

@@ -1,4 +1,4 @@
-"""What can be wrong with a configuration file, as values: the file, the path in it and the cause."""
+"""Errors in configuration files as values: the file, the path of the wrong value in the file, and the cause."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from .errors import TtError
 
 
 class Problem(NamedTuple):
-    """One wrong value of a file.
+    """One wrong value in a configuration file.
 
     Attributes:
         path: Where it is, e.g. "launcher.rate" or "scale[1]"; "" is the whole file.
-        cause: What is wrong with it; OutOfRange, BadChoice, NotFinite and those below carry value and bound.
+        cause: The error, e.g. an OutOfRange, BadChoice, WrongType or UnknownKey, which hold the value and what is allowed.
     """
 
     path: str
     cause: Exception
 
     def __str__(self) -> str:
-        """Return path and cause, the name in the cause left out where the path ends with it."""
+        """Return path and cause. The name of the value is left out of the cause where the cause has a name."""
         text, name = str(self.cause), getattr(self.cause, "name", None)
         if name is not None:
             text = text.removeprefix(name).removeprefix(" = ").removeprefix(" ")
@@ -28,55 +28,55 @@ class Problem(NamedTuple):
 
 
 class BadFile(TtError):
-    """A file that cannot be used.
+    """A configuration file that cannot be used.
 
     Attributes:
         file: Its name.
-        problems: Every wrong value.
+        problems: All wrong values that were found.
     """
 
     def __init__(self, file: str, problems: tuple[Problem, ...]) -> None:
-        """Keep file and problems, so that a caller can decide on them."""
+        """Store the arguments as attributes, so that code can use them."""
         super().__init__("\n".join(f"{file}: {problem}" for problem in problems))
         self.file, self.problems = file, problems
 
 
 class WrongType(TtError):
-    """A value of another type than its field has."""
+    """A value in a configuration file that is of another type than its field."""
 
     def __init__(self, value: object, wanted: str) -> None:
-        """Keep the value and the name of the wanted type."""
+        """Store the value and the name of the type that it must have."""
         super().__init__(f"{shown(value)} is not {wanted}")
         self.value, self.wanted = value, wanted
 
 
 class UnknownKey(TtError):
-    """A key that is no field."""
+    """A key in a configuration file that is no field of the dataclass."""
 
     def __init__(self, key: object, known: tuple[str, ...]) -> None:
-        """Keep the key and the keys that there are."""
+        """Store the key and the names of all fields."""
         super().__init__(f"unknown, known are {', '.join(known)}")
         self.key, self.known = key, known
 
 
 class MissingKey(TtError):
-    """A field without a default that is not in the file."""
+    """A field without a default that is missing in a configuration file."""
 
     def __init__(self, key: str) -> None:
-        """Keep the key."""
+        """Store the name of the field."""
         super().__init__("is missing")
         self.key = key
 
 
 class Unreadable(TtError):
-    """A file that is not there, or no YAML."""
+    """A configuration file that does not exist or is no valid YAML."""
 
 
 class WrongContent(Exception):
-    """The problems of one mapping, their paths relative to it."""
+    """All problems of one mapping in a configuration file. Their paths are relative to the mapping."""
 
     def __init__(self, problems: list[Problem]) -> None:
-        """Keep the problems."""
+        """Store the problems."""
         super().__init__(problems)
         self.problems = problems
 
