@@ -121,7 +121,7 @@ class PredictNode(Node):
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
-        """Return the uncertainty at the end of the path as texts: deviations, and the covariance of time, position, velocity, spin.
+        """Return the uncertainty at the end of the path, deviations and the covariance of time, position, velocity, spin, or the reason.
 
         It is empty within UNCERTAIN of the last one.
         """
@@ -131,7 +131,7 @@ class PredictNode(Node):
         try:
             end = uncertainty(ball, self.physics, self.stop)
         except TtError as error:
-            return {"uncertainty": str(error)}
+            return {"reason": error.failure}
         if end is None:
             return {}
         time, _, y, z = 1e3 * np.sqrt(np.diag(end.covariance))[:4]

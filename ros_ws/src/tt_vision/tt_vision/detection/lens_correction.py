@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 
 import cv2
@@ -30,12 +31,18 @@ GRID = 9  # points along each side of the image at which a lens is checked
 _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
 
+class LensReason(Enum):
+    """Why a lens is refused."""
+
+    CANNOT_UNDISTORT = "distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels"
+
+
 class CannotUndistort(TtError):
     """A distortion that cannot be undone everywhere in the image."""
 
     def __init__(self, distortion: Array, pixel: Array, off: float) -> None:
         """Keep the distortion, the worst pixel, and by how many pixels it is missed."""
-        super().__init__(f"distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels")
+        super().__init__(LensReason.CANNOT_UNDISTORT, distortion=distortion, pixel=pixel, off=off)
         self.distortion, self.pixel, self.off = distortion, pixel, off
 
 
