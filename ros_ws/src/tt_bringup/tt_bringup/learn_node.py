@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from tt_arm.arm_file import InstalledArm
 from tt_arm.joints import Joints
 from tt_core.errors import TtError
 from tt_core.factors import FACTORS
+from tt_core.failures import Failure
 from tt_core.learnt_physics import physics_to_text
 from tt_core.params import check, param
 from tt_core.priority import Priority
@@ -40,6 +42,12 @@ LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes
 LAG = 0.15  # s, by which joint states and pixels are looked at later: on a busy machine pixels come 0.1 s late, and learning has time
 MOST_WAITING = 1000  # pixels, 3 s of both cameras, and joint states, 2 s
 SILENCE = 0.3  # s without a pixel, after which a ball is over
+
+
+class LearnFailure(Enum):
+    """What goes wrong beside learning."""
+
+    NOT_SAVED = "not saved: {error}"
 
 
 @dataclass(frozen=True)
@@ -178,7 +186,8 @@ class LearnNode(Node):
             try:
                 Path(self.params.save).write_text(text)
             except OSError as error:
-                self.status.publish(f"not saved: {error}", warn=True)
+                failure = Failure(LearnFailure.NOT_SAVED, error=error)
+                self.status.publish(str(failure), warn=True, reason=failure)
         factors: dict[str, Any] = dict(zip(FACTORS, np.exp(self.learner.logarithms).round(4).tolist(), strict=True))
         self.status.publish(Event.LEARNT, stamp=self.newest, **factors)
 
