@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from tt_core.errors import BadMessage
+from tt_core.errors import BadMessage, NotFinite
 from tt_core.ros.convert import joints_from_message
 
 NAMES = ["a", "b"]
@@ -50,5 +50,5 @@ def test_a_message_with_none_of_the_joints_is_for_others(given):
     ],
 )
 def test_what_is_not_whole_is_refused(given):
-    with pytest.raises(BadMessage):
+    with pytest.raises((BadMessage, NotFinite)):
         joints_from_message(given, NAMES)

@@ -61,7 +61,7 @@ def test_a_drawn_waiting_posture_holds_the_racket_towards_the_opponent():
 
 def test_every_code_of_a_refusal_says_what_limits():
     assert set(LIMITING) == {*ReachFailure, *SwingFailure}
-    found = limiting(["", "TORQUE_LIMIT r1", "TORQUE_LIMIT r1", "OUT_OF_REACH", "NOT_CONVERGED"])
+    found = limiting([("", ""), *[("TORQUE_LIMIT", "r1")] * 2, ("OUT_OF_REACH", ""), ("NOT_CONVERGED", "")])
     assert list(found.values()) == [2, 2] and "effort of r1" in found
 
 

@@ -3,7 +3,7 @@
 import ctypes
 
 from rclpy.node import Node
-from tt_core.errors import TtError
+from tt_core.errors import OutOfRange
 from tt_core.ros.node_main import run
 
 
@@ -13,7 +13,7 @@ class HangingStart(Node):
     def __init__(self) -> None:
         super().__init__("hanging_start")
         self.itself = self
-        raise TtError("no such parameter")
+        raise OutOfRange("some_parameter", 3.0, 0.0, 2.0)
 
     def __del__(self) -> None:
         ctypes.PyDLL(None).sleep(1000)

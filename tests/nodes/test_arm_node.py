@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import check_named
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachFailure
 from tt_arm.safety.stops import ArmStop
+from tt_core.ros.diagnostics import Event
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
@@ -82,12 +84,13 @@ class Bench:
             assert time.time() < start + bound, f"{self.joints.qdot}: {self.codes()[-3:]}"
             self.run(TICK)
 
-    def messages(self):
-        return [message for _, name, message, _ in self.statuses if name == "arm"]
-
     def codes(self):
         """Of what has stopped the arm, see `tt_arm.safety.stops`."""
-        return [values["code"] for _, name, _, values in self.statuses if name == "arm" and "code" in values]
+        return [status.values["code"] for status in self.statuses if status.name == "arm" and "code" in status.values]
+
+    def values(self):
+        """The values of the last status of each event."""
+        return {status.event: status.values for status in self.statuses if status.event is not None and status.name == "arm"}
 
 
 @pytest.fixture
@@ -135,7 +138,7 @@ def test_a_stroke_is_made_in_time_once_enabled(start, probe, until, bench):
     bench.run(LEAD + 0.3)
     assert bench.commands > 1
     assert bench.joints.q == pytest.approx(MODEL.waiting)  # not enabled: not moved
-    assert "no swing" in bench.messages()
+    assert Event.NO_SWING in bench.values()
 
     assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
     bench.run(0.2)
@@ -146,10 +149,9 @@ def test_a_stroke_is_made_in_time_once_enabled(start, probe, until, bench):
     assert there.position == pytest.approx(racket.position, abs=8e-3)
     assert there.rotation[:, 2] @ racket.normal > np.cos(np.radians(2.0))
     assert bench.joints.q == pytest.approx(MODEL.waiting, abs=0.02)  # and back again
-    by_message = {message: values for _, name, message, values in bench.statuses if name == "arm"}
-    assert by_message["swing"]["chosen"] == "1"
-    assert by_message["swing"]["code"] == ReachFailure.OUT_OF_REACH.name  # of the first candidate
-    assert 0.0 < float(by_message["first command"]["latency_ms"]) < 1e3 * LEAD
+    swing, first_command = bench.values()[Event.SWING], bench.values()[Event.FIRST_COMMAND]
+    assert (swing["chosen"], swing["code"]) == ("1", ReachFailure.OUT_OF_REACH.name)  # the code is of the first candidate
+    assert 0.0 < float(first_command["latency_ms"]) < 1e3 * LEAD
     assert bench.swings[-1].joint_names == list(MODEL.names)
 
     stroke()
@@ -222,7 +224,7 @@ def test_silence_and_second_publishers_stop_the_arm_and_it_goes_on_by_itself(pro
         bench.statuses.clear()
         second = probe.create_publisher(kind, topic, 1)
         bench.rest(ArmStop.SECOND_PUBLISHER)
-        assert any("/probe" in message for message in bench.messages())
+        assert any("/probe" in status.values.get("names", "") for status in bench.statuses)
         probe.destroy_publisher(second)
         bench.statuses.clear()
         bench.moves()
@@ -303,7 +305,7 @@ def test_a_crash_of_its_own_code_brakes_and_latches(start, probe, until, bench, 
 def test_a_bad_parameter_ends_it_with_the_reason(start):
     node = start("tt_arm.arm_node", "--ros-args", "-p", "swing.acceleration:=-1.0")
     assert node.wait(timeout=120) == 2
-    assert "acceleration = -1 is outside [0.1, 1000]" in node.stderr.read()
+    check_named(node.stderr.read(), "acceleration", -1, 0.1, 1000)
 
 
 def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):

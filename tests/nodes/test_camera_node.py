@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
+from refusals import check_named
 from sensor_msgs.msg import CameraInfo, Image
 from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message, image_from_message, seconds
@@ -47,7 +48,7 @@ def test_a_folder_is_published(start, probe, until, folder):
 def test_a_source_that_is_not_there_ends_it_with_the_reason(start, tmp_path):
     node = start("tt_vision.camera_node", "--ros-args", "-p", f"path:={tmp_path}")
     assert node.wait(timeout=120) == 2
-    assert "no images named" in node.stderr.read()
+    check_named(node.stderr.read(), tmp_path)
 
 
 @pytest.mark.parametrize("first", ["camera", "estimate"])

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from refusals import check_named, is_told
 from trajectory_msgs.msg import MultiDOFJointTrajectory
+from tt_core.errors import MessageFailure, ValueFailure
+from tt_core.failures import Failure
 from tt_core.physics import Physics
-from tt_core.ros.convert import ball_to_message, path_from_message
+from tt_core.ros.convert import NEWEST, VARIANCE, ball_to_message, path_from_message
 from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE
 from tt_core.states import BallState
@@ -77,25 +80,25 @@ def state(**fields):
     return message
 
 
-BAD_STATES = {  # and what the refusal names
-    "empty": (Odometry(), "frames"),
-    "NaN position": (state(position=math.nan), "position"),
-    "far": (state(position=1e17), "position = 1e+17"),
-    "infinite velocity": (state(linear=math.inf), "velocity"),
-    "fast": (state(linear=-1e300), "velocity = -1e+300"),
-    "spin": (state(angular=1e300), "spin = 1e+300"),
-    "NaN spin": (state(angular=math.nan), "spin"),
-    "NaN covariance": (state(pose=(0, math.nan)), "covariance of the pose"),
-    "infinite covariance": (state(twist=(35, math.inf)), "covariance of the twist"),
-    "huge covariance": (state(twist=(35, 1e300)), "covariance of the twist"),
-    "negative variance": (state(twist=(0, -1.0)), "negative variance"),
-    "not symmetric": (state(twist=(1, 0.5)), "not symmetric"),
-    "orientation": (state(pose=(35, -1.0)), "negative variance"),
-    "before 1970": (state(stamp=(-1, 0)), "stamp"),
-    "nanoseconds": (state(stamp=(0, 4 * 10**9)), "stamp"),
-    "end of time": (state(stamp=(2**31 - 1, 0)), "stamp"),
-    "other frame": (state(child_frame_id="racket"), "frames"),
-    "oversize": (state(child_frame_id="x" * 10**5), "size of a message"),
+BAD_STATES = {  # and what the refusal tells
+    "empty": (Odometry(), Failure(MessageFailure.OTHER_FRAME)),
+    "NaN position": (state(position=math.nan), Failure(ValueFailure.NOT_FINITE, name="position")),
+    "far": (state(position=1e17), Failure(ValueFailure.OUT_OF_RANGE, name="position", value=1e17)),
+    "infinite velocity": (state(linear=math.inf), Failure(ValueFailure.NOT_FINITE, name="velocity")),
+    "fast": (state(linear=-1e300), Failure(ValueFailure.OUT_OF_RANGE, name="velocity", value=-1e300)),
+    "spin": (state(angular=1e300), Failure(ValueFailure.OUT_OF_RANGE, name="spin", value=1e300)),
+    "NaN spin": (state(angular=math.nan), Failure(ValueFailure.NOT_FINITE, name="spin")),
+    "NaN covariance": (state(pose=(0, math.nan)), Failure(ValueFailure.NOT_FINITE, name="covariance of the pose")),
+    "infinite covariance": (state(twist=(35, math.inf)), Failure(ValueFailure.NOT_FINITE, name="covariance of the twist")),
+    "huge covariance": (state(twist=(35, 1e300)), Failure(ValueFailure.OUT_OF_RANGE, value=1e300, high=VARIANCE)),
+    "negative variance": (state(twist=(0, -1.0)), Failure(MessageFailure.NEGATIVE_VARIANCE, name="covariance of the twist", variance=-1.0)),
+    "not symmetric": (state(twist=(1, 0.5)), Failure(MessageFailure.NOT_SYMMETRIC, difference=0.5)),
+    "orientation": (state(pose=(35, -1.0)), Failure(MessageFailure.NEGATIVE_VARIANCE, name="covariance of the pose", variance=-1.0)),
+    "before 1970": (state(stamp=(-1, 0)), Failure(ValueFailure.OUT_OF_RANGE, value=-1.0, high=NEWEST)),
+    "nanoseconds": (state(stamp=(0, 4 * 10**9)), Failure(MessageFailure.BAD_STAMP, nanosec=4 * 10**9)),
+    "end of time": (state(stamp=(2**31 - 1, 0)), Failure(ValueFailure.OUT_OF_RANGE, value=2.0**31 - 1.0, high=NEWEST)),
+    "other frame": (state(child_frame_id="racket"), Failure(MessageFailure.OTHER_FRAME)),
+    "oversize": (state(child_frame_id="x" * 10**5), Failure(MessageFailure.TOO_LARGE)),
 }
 EXTREME_STATES = [
     state(stamp=(0, 0)),
@@ -108,7 +111,7 @@ EXTREME_STATES = [
 
 
 def test_it_lives_through_whatever_comes(start, probe, until):
-    """Each bad state is refused by name, states at the bounds are answered or refused, and the next good one is answered."""
+    """Each bad state is refused by its code, states at the bounds are answered or refused, and the next good one is answered."""
     start("tt_predict.predict_node")
     got, statuses = [], []
     probe.create_subscription(MultiDOFJointTrajectory, "/ball/path", got.append, RELIABLE)
@@ -120,9 +123,9 @@ def test_it_lives_through_whatever_comes(start, probe, until):
         got.clear()
         until(lambda: got or out.publish(ball_to_message(BALL)), probe)
 
-    for message, words in BAD_STATES.values():
+    for message, failure in BAD_STATES.values():
         statuses.clear()
-        until(lambda words=words, message=message: any(words in text for _, _, text, _ in statuses) or out.publish(message), probe)
+        until(lambda failure=failure, message=message: is_told(failure, statuses) or out.publish(message), probe)
     answers_the_next_state()
     for message in EXTREME_STATES:
         out.publish(message)
@@ -132,17 +135,17 @@ def test_it_lives_through_whatever_comes(start, probe, until):
 
 
 @pytest.mark.parametrize(
-    ("parameter", "words"),
+    ("parameter", "named"),
     [
-        ("air.drag:=3.0", "drag = 3 is outside [0, 2]"),
-        ("physics:=newton", "is none of 'liu', 'measured'"),
-        ("until_x:=far", "not of type float"),
+        ("air.drag:=3.0", ("drag", 3, 0, 2)),
+        ("physics:=newton", ("physics", "newton", "liu", "measured")),
+        ("until_x:=far", ("until_x", "far", "float")),
     ],
 )
-def test_a_bad_parameter_ends_it_with_the_reason(start, parameter, words):
+def test_a_bad_parameter_ends_it_with_the_reason(start, parameter, named):
     node = start("tt_predict.predict_node", "--ros-args", "-p", parameter)
     assert node.wait(timeout=120) == 2
-    assert words in node.stderr.read()
+    check_named(node.stderr.read(), *named)
 
 
 def test_a_clock_before_1970_does_not_end_a_node(start, probe, until):

@@ -5,10 +5,13 @@ import math
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from refusals import check_named, is_told
 from trajectory_msgs.msg import MultiDOFJointTrajectory
+from tt_core.errors import MessageFailure, ValueFailure
+from tt_core.failures import Failure
 from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.ros.convert import goal_to_message, path_to_message, strokes_from_message
+from tt_core.ros.convert import FROM_START, MOST_POINTS, NEWEST, goal_to_message, path_to_message, strokes_from_message
 from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.states import BallState, ReturnGoal
@@ -78,24 +81,28 @@ def without_transforms(message):
     return message
 
 
-BAD = {  # for paths and goals, from a good message, and what the refusal names
-    "NaN": (lambda m: with_numbers(m, math.nan), "not finite"),
-    "infinite": (lambda m: with_numbers(m, -math.inf), "not finite"),
-    "1e17": (lambda m: with_numbers(m, 1e17), "1e+17"),
-    "no points": (lambda m: with_points(m, []), "and 0"),
-    "many points": (lambda m: with_points(m, list(m.points)[:1] * 2500), "number of points"),
-    "oversize": (lambda m: with_points(m, list(m.points)[:1] * 10**5), "size of a message"),
-    "no transforms": (without_transforms, "one transform"),
-    "late": (lambda m: at(m, 2**31 - 1), "time_from_start"),
-    "early": (lambda m: at(m, -(2**31)), "time_from_start"),
-    "before 1970": (lambda m: stamped(m, -1), "stamp"),
-    "nanoseconds": (lambda m: stamped(m, 0, 4 * 10**9), "stamp"),
+def out_of_range(**values):
+    return Failure(ValueFailure.OUT_OF_RANGE, **values)
+
+
+BAD = {  # for paths and goals, from a good message, and what the refusal tells
+    "NaN": (lambda m: with_numbers(m, math.nan), Failure(ValueFailure.NOT_FINITE)),
+    "infinite": (lambda m: with_numbers(m, -math.inf), Failure(ValueFailure.NOT_FINITE)),
+    "1e17": (lambda m: with_numbers(m, 1e17), out_of_range(value=1e17)),
+    "no points": (lambda m: with_points(m, []), out_of_range(value=0.0, low=1)),
+    "many points": (lambda m: with_points(m, list(m.points)[:1] * 2500), out_of_range(value=2500.0, high=MOST_POINTS)),
+    "oversize": (lambda m: with_points(m, list(m.points)[:1] * 10**5), Failure(MessageFailure.TOO_LARGE)),
+    "no transforms": (without_transforms, Failure(MessageFailure.INCOMPLETE_POINT)),
+    "late": (lambda m: at(m, 2**31 - 1), out_of_range(value=2.0**31 - 1.0, high=FROM_START[1])),
+    "early": (lambda m: at(m, -(2**31)), out_of_range(value=-(2.0**31), low=FROM_START[0])),
+    "before 1970": (lambda m: stamped(m, -1), out_of_range(low=0.0, high=NEWEST)),
+    "nanoseconds": (lambda m: stamped(m, 0, 4 * 10**9), Failure(MessageFailure.BAD_STAMP, nanosec=4 * 10**9)),
 }
-BAD_PATHS = BAD | {"wrong order": (lambda m: with_points(m, list(m.points)[::-1]), "decrease")}
+BAD_PATHS = BAD | {"wrong order": (lambda m: with_points(m, list(m.points)[::-1]), Failure(ValueFailure.DECREASING))}
 BAD_GOALS = {name: case for name, case in BAD.items() if name != "many points"} | {
-    "two points": (lambda m: with_points(m, list(m.points) * 2), "number of points"),
-    "at once": (lambda m: at(m, 0), "flight_time"),
-    "too large": (lambda m: with_points(m, list(m.points) * 2500), "size of a message"),
+    "two points": (lambda m: with_points(m, list(m.points) * 2), out_of_range(value=2.0, high=1)),
+    "at once": (lambda m: at(m, 0), out_of_range(name="flight_time", value=0.0)),
+    "too large": (lambda m: with_points(m, list(m.points) * 2500), Failure(MessageFailure.TOO_LARGE)),
 }
 EXTREME_PATHS = [
     lambda m: stamped(m, 0),
@@ -107,7 +114,7 @@ EXTREME_PATHS = [
 
 
 def test_it_lives_through_whatever_comes(start, probe, until):
-    """Each bad path and goal is refused by name, paths at the bounds are answered or refused, and the next good path is answered."""
+    """Each bad path and goal is refused by its code, paths at the bounds are answered or refused, and the next good path is answered."""
     start("tt_racket.racket_node")
     got, statuses = [], []
     probe.create_subscription(MultiDOFJointTrajectory, "/racket/strokes", got.append, LATEST)
@@ -121,10 +128,10 @@ def test_it_lives_through_whatever_comes(start, probe, until):
         until(lambda: (got and strokes_from_message(got[-1])) or out.publish(a_path()), probe)
 
     for publisher, make, cases in ((out, a_path, BAD_PATHS), (goal, a_goal, BAD_GOALS)):
-        for spoil, words in cases.values():
+        for spoil, failure in cases.values():
             statuses.clear()
             message = spoil(make())
-            until(lambda p=publisher, m=message, w=words: any(w in text for _, _, text, _ in statuses) or p.publish(m), probe)
+            until(lambda p=publisher, m=message, f=failure: is_told(f, statuses) or p.publish(m), probe)
         answers_the_next_path()
     for spoil in EXTREME_PATHS:
         out.publish(spoil(a_path()))
@@ -134,4 +141,4 @@ def test_it_lives_through_whatever_comes(start, probe, until):
 def test_a_bad_parameter_ends_it_with_the_reason(start):
     node = start("tt_racket.racket_node", "--ros-args", "-p", "goal.landing_x:=0.5")
     assert node.wait(timeout=120) == 2
-    assert "landing_x = 0.5 is outside [1.37, 2.74]" in node.stderr.read()
+    check_named(node.stderr.read(), "landing_x", 0.5, 1.37, 2.74)

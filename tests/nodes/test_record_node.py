@@ -1,5 +1,6 @@
 """What goes over the wire is what is recorded and what is played again."""
 
+import errno
 import os
 import resource
 import signal
@@ -11,7 +12,7 @@ import pytest
 import rclpy
 import yaml
 from bagforms import FORMS, TYPES
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point
 from mcap.reader import make_reader
 from rcl_interfaces.srv import SetParameters
@@ -19,15 +20,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
+from refusals import check_named
 from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from tt_core.ros.bags import Bag
+from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE
 from tt_tools.describe import describe
-from tt_tools.record import Recording
+from tt_tools.record import DiskFailure, Recording
 from tt_tools.record_node import offered_qos
 from tt_tools.reindex import reindex
 
@@ -111,7 +114,7 @@ def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, un
 def test_an_existing_directory_is_refused(start, tmp_path):
     recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path}")
     assert recorder.wait(timeout=120) == 2
-    assert "exists already" in recorder.stderr.read()
+    check_named(recorder.stderr.read(), tmp_path)
 
 
 def test_a_killed_recorder_leaves_what_can_be_saved(start, probe, until, tmp_path):
@@ -137,25 +140,23 @@ def image(size=100_000):
 def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path):
     """The file of the recorder may not grow beyond 20 MB; then it may again."""
     output, statuses = probe.create_publisher(Image, "/image", 10), []
-    probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(read_status(message)), RELIABLE)
     bag, picture = tmp_path / "bag", image(1_000_000)
     recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={bag}", "-p", "topics:=[/image]")
     until(lambda: output.get_subscription_count(), probe)
     soft, hard = resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE)
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (20_000_000, hard))
 
-    def words():
-        return [(status.message, status.level, {v.key: v.value for v in status.values}) for m in statuses for status in m.status]
-
     def dropping():
         output.publish(picture)
-        return [w for w in words() if w[0] == "the disk is full: File too large" and int(w[2].get("dropped /image", 0)) > 3]
+        full = [s.values for s in statuses if s.values.get("code") == DiskFailure.FULL.name]
+        return [values for values in full if int(values.get("dropped /image", 0)) > 3]
 
     until(dropping, probe)
-    (_, level, values), *_ = dropping()
-    assert level == DiagnosticStatus.WARN and int(values["free_bytes"]) > 0 and int(values["queued_bytes"]) >= 0
+    values = dropping()[0]
+    assert int(values["errno"]) == errno.EFBIG and int(values["free_bytes"]) > 0 and int(values["queued_bytes"]) >= 0
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (soft, hard))
-    until(lambda: output.publish(picture) or words()[-1][0] == "recording", probe)
+    until(lambda: output.publish(picture) or statuses[-1].values.get("code") == "NONE", probe)
     picture.header.frame_id = "last"
     output.publish(picture)
     until(lambda: output.wait_for_all_acked(rclpy.duration.Duration(seconds=1)), probe)
@@ -163,8 +164,8 @@ def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path)
     assert recorder.wait(timeout=120) == 1
     errors = recorder.stderr.read()
     assert "Traceback" not in errors
-    assert f"recorded {bag}: " in errors and "dropped because the disk was full or slow: " in errors
     found, _ = contents(bag)
+    check_named(errors, bag, f"{len(found['/image'])} messages", "/image")
     assert len(found["/image"]) > 10
     assert deserialize_message(found["/image"][-1], Image).header.frame_id == "last"
 
@@ -173,7 +174,8 @@ def test_a_recorder_whose_disk_is_full_at_the_start_says_so(start, tmp_path):
     recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}", "-p", f"reserve_bytes:={2**40}")
     assert recorder.wait(timeout=120) == 2
     errors = recorder.stderr.read()
-    assert "would stay free" in errors and "Traceback" not in errors
+    check_named(errors, tmp_path / "bag", 2**40)
+    assert "Traceback" not in errors
 
 
 def points(count=100):
@@ -288,7 +290,7 @@ def test_a_consumer_that_does_not_come_is_named(start, probe, until, tmp_path):
     player = start("tt_tools.play_node", "--ros-args", "-p", f"bag:={bag}", "-p", "wait_for:=[/old, /result]", "-p", "patience:=0.5")
     until(lambda: player.poll() is not None, probe)
     assert player.returncode == 2
-    assert player.stderr.read().strip() == "play: nobody listens to /old, /result within 0.5 s"
+    check_named(player.stderr.read(), "/old", "/result", 0.5)
 
 
 def test_the_command_plays_when_nobody_listens(start, probe, until, tmp_path):
@@ -323,4 +325,4 @@ def test_full_shared_memory_is_told_in_one_line(ros, tmp_path):
     node = [sys.executable, "-m", "tt_core.start", "tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path / 'bag'}"]
     done = subprocess.run([*shell, *node], capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 2
-    assert "/dev/shm has 0 bytes free, nodes need 65536" in done.stderr.splitlines()[-1]
+    check_named(done.stderr.splitlines()[-1], "/dev/shm", 0, 65536)

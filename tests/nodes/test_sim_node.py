@@ -10,13 +10,17 @@ from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from refusals import check_named, is_told
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tt_arm.arm_file import load_arm
+from tt_core.errors import MessageFailure, ValueFailure
+from tt_core.failures import Failure
 from tt_core.ros.convert import ball_from_message, image_from_message, pixel_from_message, seconds
 from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE, SENSOR, TRUTH
+from tt_sim.sim_node import SimFailure
 from tt_vision.camera import triangulate
 from tt_vision.rig import wide_pair
 
@@ -156,7 +160,7 @@ def commanded(probe, until, speed):
     """Publish commands of `speed` rad/s for the last joint until it moves so; return the publisher, and lists of states and of statuses."""
     states, statuses = [], []
     probe.create_subscription(JointState, "/joint_states", states.append, RELIABLE)
-    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: statuses.extend(m.status), RELIABLE)
+    probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: statuses.extend(read_status(m)), RELIABLE)
     out = probe.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
     until(lambda: out.get_subscription_count() == 1 and states, probe)
     keep_moving(probe, until, states, out, speed)
@@ -183,16 +187,24 @@ def test_the_arm_does_what_it_is_told(start, probe, until):
     assert states[-1].velocity[:6] == pytest.approx([0.0] * 6, abs=1e-6)
 
 
-@pytest.mark.parametrize("last", ["nothing", [1.0, 2.0], [np.nan] * 7, [np.inf] * 7, [1e17] * 7, [0.0] * 1000], ids=str)
-def test_without_good_commands_the_drives_brake(last, start, probe, until):
+@pytest.mark.parametrize(
+    ("last", "failure"),
+    [
+        (None, Failure(SimFailure.NO_COMMAND)),
+        ([1.0, 2.0], Failure(ValueFailure.BAD_SHAPE, shape=(2,))),
+        ([np.nan] * 7, Failure(ValueFailure.NOT_FINITE)),
+        ([np.inf] * 7, Failure(ValueFailure.NOT_FINITE)),
+        ([1e17] * 7, Failure(ValueFailure.OUT_OF_RANGE, value=1e17)),
+        ([0.0] * 1000, Failure(MessageFailure.TOO_LARGE)),
+    ],
+    ids=["nothing", "two numbers", "NaN", "infinite", "1e17", "oversize"],
+)
+def test_without_good_commands_the_drives_brake(last, failure, start, probe, until):
     start("tt_sim.sim_node")
     out, states, statuses = commanded(probe, until, -1.0)
     first = len(states)
-    if last == "nothing":
-        until(lambda: brakes(states, first), probe)
-        return
-    until(lambda: brakes(states, first) or out.publish(Float64MultiArray(data=last)), probe)
-    until(lambda: any(status.message.startswith("command refused:") for status in statuses), probe)
+    until(lambda: brakes(states, first) or (last and out.publish(Float64MultiArray(data=last))), probe)
+    until(lambda: is_told(failure, statuses), probe)
     keep_moving(probe, until, states, out, -0.5)
 
 
@@ -206,9 +218,11 @@ def test_two_who_command_are_both_refused_by_name(start, probe, until):
     other.create_publisher(Float64MultiArray, "/arm_velocity_controller/commands", LATEST)
     first = len(states)
 
+    failure = Failure(SimFailure.SECOND_PUBLISHER, count=2, names="/intruder, /probe")
+
     def refused():
         out.publish(Float64MultiArray(data=[0.0] * 6 + [-1.0]))
-        return any("/intruder" in status.message and "/probe" in status.message for status in statuses) and brakes(states, first)
+        return is_told(failure, statuses) and brakes(states, first)
 
     until(refused, probe)
     other.destroy_node()
@@ -220,13 +234,13 @@ def test_the_arm_s_own_record_is_told_and_at_once_when_a_bound_is_broken(start, 
     out, _, statuses = commanded(probe, until, 5.0)
 
     def record():
-        return [{v.key: v.value for v in status.values} for status in statuses if status.name == "sim: arm record"]
+        return [status.values for status in statuses if status.name == "sim: arm record"]
 
     until(lambda: len(record()) >= 2, probe)
     assert all(float(values["speed"]) <= 1.0 and int(values["end_stop_hits"]) == 0 for values in record()[:1])
     until(lambda: int(record()[-1]["end_stop_hits"]) > 0 or out.publish(Float64MultiArray(data=[0.0] * 6 + [5.0])), probe)
     broken = record()[-1]
-    assert float(broken["limit_distance"]) == 0.0
+    assert broken["code"] == SimFailure.BOUND_BROKEN.name and float(broken["limit_distance"]) == 0.0
     assert float(broken["acceleration"]) > 100.0  # rad/s^2: 5 rad/s in one tick of 2 ms is 2500
 
 
@@ -246,11 +260,11 @@ def test_killed_and_started_again_it_works_at_once(start, probe, until):
 
 
 def test_bad_parameters_end_it_with_the_reason(start):
-    for parameter, words in (
-        ("shots:=['smash 3']", "kind = 'smash'"),
-        ("rtf:=0.0", "rtf = 0"),
-        ("world:=mars", "mars: "),
+    for parameter, named in (
+        ("shots:=['smash 3']", ("kind", "smash")),
+        ("rtf:=0.0", ("rtf", 0)),
+        ("world:=mars", ("mars",)),
     ):
         node = start("tt_sim.sim_node", "--ros-args", "-p", parameter)
         assert node.wait(timeout=120) == 2
-        assert words in node.stderr.read()
+        check_named(node.stderr.read(), *named)

@@ -8,7 +8,10 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
+from refusals import is_told
 from sensor_msgs.msg import CameraInfo
+from tt_core.errors import MessageFailure, ValueFailure
+from tt_core.failures import Failure
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.ros.convert import ball_from_message, ball_to_message, camera_to_message, pixel_to_message
@@ -41,9 +44,9 @@ def test_pixels_in_are_the_ball_out_and_nonsense_is_survived(start, probe, until
     for camera, publisher, name in zip(wide_pair(), infos, WIDE_SIDES, strict=True):
         publisher.publish(camera_to_message(camera.width, camera.height, camera.matrix, camera.distortion, f"{name}_optical"))
     measured.publish(Odometry())  # no frame
-    until(lambda: any(one.values.get("code") == "BadMessage" for one in statuses()), probe)
+    until(lambda: is_told(Failure(MessageFailure.OTHER_FRAME), statuses()), probe)
     bad = pixel_to_message(100.0, [math.nan, 1.0], "wide_left_optical")
-    until(lambda: pixels[0].publish(bad) or any(one.values.get("code") == "NotFinite" for one in statuses()), probe)
+    until(lambda: pixels[0].publish(bad) or is_told(Failure(ValueFailure.NOT_FINITE, name="pixel"), statuses()), probe)
 
     def send(first):
         """Send 30 frames of a flight that begins at `first` (s)."""

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from refusals import check_named
 from tt_core.errors import BadChoice
 from tt_core.flight import Aerodynamics
 from tt_core.path_end import PathEnd
@@ -132,7 +133,7 @@ def test_bad_input_names_itself(tmp_path, capsys):
     assert main([str(tmp_path / "nothing")]) == 2
     assert main([str(tmp_path)]) == 2
     errors = capsys.readouterr().err
-    assert "there is no file or folder" in errors and "holds no file *.mcap, *.db3, *.bag" in errors
+    check_named(errors, tmp_path / "nothing", "*.mcap", "*.db3", "*.bag")
 
 
 @pytest.mark.skipif("TT_DATA_DIR" not in os.environ, reason="TT_DATA_DIR does not name the folder of recorded launches")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from tt_core.errors import TtError
+from tt_core.path_end import PathEnd
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.identify import NoFlights, identify_landings, with_coefficients
@@ -22,7 +23,7 @@ def pairs(count, noise=0.0, seed=0, start=0.0):
         spin = rng.normal(0.0, 1.0, 3) * [40, 200, 150]
         ball = BallState(start, [rng.uniform(2.6, 3.4), rng.uniform(0.2, 1.3), rng.uniform(0.1, 0.6)], velocity, spin)
         path = rollout(ball, TRUE, StopRule.at_landing())
-        if str(path.ended) == "stop" and path.end.position[0] < 1.37:
+        if path.ended is PathEnd.STOP and path.end.position[0] < 1.37:
             states.append(ball)
             landings.append(path.end.position[:2] + rng.normal(0.0, noise, 2))
             times.append(path.end.time + rng.normal(0.0, 0.1 * noise))

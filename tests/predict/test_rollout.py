@@ -186,7 +186,6 @@ def test_bad_values_name_themselves():
 def test_an_end_is_its_word():
     """Diagnostics publish the word, and whoever compares with it may."""
     assert [str(end) for end in PathEnd] == [end.value for end in PathEnd] == list(PathEnd)
-    assert str(PathEnd.TOO_FAR) == "too far"
 
 
 anything = st.one_of(st.floats(-100.0, 100.0), st.sampled_from([0.0, -0.0, 1e-300, 100.0, -100.0, 1e17, -1e300, 1.7e308]))

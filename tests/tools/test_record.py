@@ -14,14 +14,15 @@ import yaml
 from bagforms import FORMS
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from refusals import refused
+from refusals import check_named, refused
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from tt_core.failures import Failure
 from tt_core.ros.bags import TYPES, Bag, BagError
 from tt_tools import record
 from tt_tools.bagfile import SplitRule
 from tt_tools.describe import describe, lines
-from tt_tools.record import Recording
+from tt_tools.record import DiskFailure, Recording
 from tt_tools.reindex import compress, reindex
 
 POINT = TYPES.types["geometry_msgs/msg/Point"]
@@ -56,7 +57,7 @@ def test_the_summary_tells_what_there_is(tmp_path):
     summary = write(tmp_path / "bag", 101)
     assert summary.counts == {"/point": 101, "/silent": 0}
     assert summary.duration == pytest.approx(0.1)
-    assert "101 messages on 2 topics in 0.1 s" in str(summary)
+    check_named(str(summary), tmp_path / "bag", 101, 2, 0.1)
 
 
 def test_it_reads_with_rosbags(bag):
@@ -276,7 +277,8 @@ def test_a_file_that_may_not_grow_is_told_and_what_was_taken_is_kept(tmp_path, l
     limit(3_000_000)
     recording = begin(tmp_path / "bag")
     sent = fill(recording, lambda: recording.state().dropped.get("/image", 0) > 5)
-    assert recording.state().trouble == "the disk is full: File too large"
+    trouble = recording.state().trouble
+    assert (trouble.code, trouble.values["errno"]) == (DiskFailure.FULL, errno.EFBIG)
     summary = recording.close()
     check(tmp_path / "bag", summary, sent)
     assert 2_000_000 < summary.size < 3_000_000
@@ -308,7 +310,7 @@ def test_a_full_disk_is_told_and_what_was_taken_is_kept(tmp_path, reserve):
         recording = begin(disk / "bag", reserve_bytes=reserve)
         sent = fill(recording, lambda: recording.state().dropped.get("/image", 0) > 5)
         state = recording.state()
-        assert state.trouble.startswith("the disk is full") and state.free < 4 * 2**20
+        assert state.trouble.code is DiskFailure.FULL and state.free < 4 * 2**20
         hog = disk / "hog"
         if reserve:  # somebody else takes what is left: the file can be closed all the same
             with pytest.raises(OSError), hog.open("wb", buffering=0) as stream:
@@ -330,7 +332,7 @@ def test_a_slow_disk_is_told_and_holds_nobody_up(tmp_path, monkeypatch):
     write = recording._bag.write
     monkeypatch.setattr(recording._bag, "write", lambda *sample: gate.wait(60.0) and write(*sample))
     sent = fill(recording, lambda: recording.state().dropped.get("/image", 0) > 5)  # while the disk does nothing
-    assert recording.state().trouble == "the disk is slow"
+    assert recording.state().trouble == Failure(DiskFailure.SLOW)
     assert recording.state().queued <= 4_000_000
     gate.set()
     wait(lambda: recording.state().queued == 0)
@@ -343,7 +345,7 @@ def test_one_slow_write_is_told_while_it_lasts(tmp_path, monkeypatch):
     monkeypatch.setattr(recording._bag, "make_room", lambda *_: gate.wait(60.0))
     recording.add("/image", START, IMAGE)
     start = time.monotonic()
-    wait(lambda: recording.state().trouble == "the disk is slow")
+    wait(lambda: recording.state().trouble == Failure(DiskFailure.SLOW))
     assert time.monotonic() - start >= record.SLOW - 0.1
     gate.set()
     recording.close()
@@ -380,7 +382,9 @@ def test_a_disk_that_fails_is_told_and_what_was_written_can_be_saved(tmp_path, m
         raise OSError(errno.EIO, "Input/output error")
 
     monkeypatch.setattr(recording._bag, "write", fail)
-    fill(recording, lambda: recording.state().trouble == "the disk failed: [Errno 5] Input/output error")
+    fill(recording, lambda: recording.state().trouble is not None)
+    trouble = recording.state().trouble
+    assert (trouble.code, trouble.values["errno"]) == (DiskFailure.FAILED, errno.EIO)
     wait(lambda: recording.state().dropped.get("/image", 0) > 0)
     with refused(BagError, tmp_path / "bag", "Errno 5"):
         recording.close()

@@ -77,7 +77,7 @@ def test_what_is_no_ball_has_a_reason(image, reason):
     assert found.code is reason
     with pytest.raises(NoWholeBall) as error:
         ball_centre(image)
-    assert error.value.reason == found
+    assert error.value.failure == found
 
 
 def test_a_lamp_elsewhere_in_view_does_not_matter():

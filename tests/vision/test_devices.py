@@ -84,7 +84,7 @@ def test_a_region_is_cut_out_and_colour_becomes_grey():
 def test_what_is_wrong_has_a_name(words, params, code):
     with pytest.raises(DeviceError) as error:
         play(words, DeviceParams(**params))
-    assert error.value.reason.code is code
+    assert error.value.failure.code is code
 
 
 def test_another_kind_of_pixels_is_refused():

@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
-from tt_core.failures import Failure
+from tt_core.failures import Failure, code_name
 from tt_core.params import check, param
 from tt_core.priority import CONTROL, RESPONSE, set_thread_realtime
 from tt_core.robots import read_arm
@@ -127,7 +127,7 @@ class ArmNode(Node):
         self.on_params(params)
         self.status = Status(self, hardware=model.pinocchio.name)
         self.frame_time: float | None = None  # of the last frame that the coming swing rests on; None once its first command is told
-        self.reported, self.reported_at = "", 0.0  # what was last reported to stop the arm, and when (s, monotonic)
+        self.reported, self.reported_at = code_name(None), 0.0  # code of what was last reported to stop the arm, and when (s, monotonic)
         warm(model)
         check_feasible(model, self.control.limits)
         check_guard(model, self.control.limits, guard)
@@ -258,8 +258,9 @@ class ArmNode(Node):
                 self.refused_strokes(error)
             except Exception as error:  # the servo goes on without a new plan
                 if not self.ending:
-                    self.get_logger().error(f"planning failed: {type(error).__name__}: {error}", throttle_duration_sec=1.0)
-                    self.status.publish(f"planning failed: {type(error).__name__}: {error}", warn=True)
+                    failure = Failure(ArmStop.PLANNING_FAILED, error=f"{type(error).__name__}: {error}")
+                    self.get_logger().error(str(failure), throttle_duration_sec=1.0)
+                    self.tell_no_swing(seconds(message.header.stamp), failure)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
         """Plan a swing for the candidate strokes of a message, and publish it, or the reasons why there is none.
@@ -269,7 +270,7 @@ class ArmNode(Node):
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
+            self.tell_no_swing(stamp, failure)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         self.frame_time = stamp  # set before the plan: the servo thread may begin the swing before `take` returns
@@ -294,6 +295,10 @@ class ArmNode(Node):
         )
         self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
         self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
+
+    def tell_no_swing(self, stamp: float, failure: Failure) -> None:
+        """Publish why strokes that rest on a frame of `stamp` (s) are not tried."""
+        self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
 
     def wrong_clock(self, stamp: float) -> Failure | None:
         """Return why strokes would be made at a wrong time because a clock is wrong; None if no clock is.
@@ -349,10 +354,10 @@ class ArmNode(Node):
         Args:
             reason: Why the command differs from what the swing asks for; None if it does not.
         """
-        kind, now = "" if reason is None else reason.code.name, time.monotonic()
-        if kind != self.reported and now > self.reported_at + TELL:
-            self.reported, self.reported_at = kind, now
-            self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=kind or "NONE")
+        code, now = code_name(reason), time.monotonic()
+        if code != self.reported and now > self.reported_at + TELL:
+            self.reported, self.reported_at = code, now
+            self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=code)
             if reason is None:
                 self.status.terminal.info(ArmLine.FREE)
             else:

@@ -6,7 +6,6 @@ from enum import Enum
 
 import numpy as np
 from tt_core.errors import TtError
-from tt_core.failures import Failure
 from tt_core.states import RacketState
 
 from .joints import Joints
@@ -39,16 +38,7 @@ class StartupFailure(Enum):
 
 
 class StartupError(TtError):
-    """The arm cannot play from its base with its mount, or the limits of guard and swings contradict each other.
-
-    Attributes:
-        failure: The reason; its code is a StartupFailure.
-    """
-
-    def __init__(self, failure: Failure) -> None:
-        """Keep the reason; its sentence is the text of the error."""
-        super().__init__(str(failure))
-        self.failure = failure
+    """The arm cannot play, or its limits contradict each other; its failure has a code of StartupFailure."""
 
 
 def strokes() -> list[RacketState]:
@@ -73,15 +63,8 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
     """
     left, what = clearance(model.waiting, model.bodies)
     if left < limits.clearance:
-        raise StartupError(
-            Failure(
-                StartupFailure.WAITING_TOO_NEAR,
-                waiting=model.waiting.tolist(),
-                distance=left,
-                obstacle=OBSTACLES[what],
-                bound=limits.clearance,
-            )
-        )
+        values = {"waiting": model.waiting.tolist(), "distance": left, "obstacle": OBSTACLES[what], "bound": limits.clearance}
+        raise StartupError(StartupFailure.WAITING_TOO_NEAR, **values)
     start, tried = Joints.at_rest(0.0, model.waiting), strokes()
     reasons = [plan(model, start, reach(model, racket, model.waiting), TIME, limits).reason for racket in tried]
     made = reasons.count(None)
@@ -89,13 +72,11 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
         x, y, z = model.base.translation
         reached = model.atlas.faces[:3].T - model.base.translation
         raise StartupError(
-            Failure(
-                StartupFailure.TOO_FEW_STROKES,
-                x=x, y=y, z=z, made=made, tried=len(tried), needed=NEEDED * len(tried),
-                reason=next(reason for reason in reasons if reason is not None),
-                far=max(float(np.linalg.norm(racket.position - model.base.translation)) for racket in tried),
-                length=float(np.linalg.norm(reached, axis=1).max()),
-            )
+            StartupFailure.TOO_FEW_STROKES,
+            x=x, y=y, z=z, made=made, tried=len(tried), needed=NEEDED * len(tried),
+            reason=next(reason for reason in reasons if reason is not None),
+            far=max(float(np.linalg.norm(racket.position - model.base.translation)) for racket in tried),
+            length=float(np.linalg.norm(reached, axis=1).max()),
         )  # fmt: skip
 
 
@@ -121,6 +102,6 @@ def check_guard(model: ArmModel, limits: SwingLimits, guard: GuardParams) -> Non
         for quantity, quantity_unit, bound, value in quantities:
             if value > bound:
                 values = {"quantity": quantity, "unit": quantity_unit, "allowed": float(bound), "used": float(value)}
-                raise StartupError(Failure(StartupFailure.GUARD_LIMIT, joint=joint, **values))
+                raise StartupError(StartupFailure.GUARD_LIMIT, joint=joint, **values)
     if guard.clearance > limits.clearance:
-        raise StartupError(Failure(StartupFailure.GUARD_CLEARANCE, kept=guard.clearance, used=limits.clearance))
+        raise StartupError(StartupFailure.GUARD_CLEARANCE, kept=guard.clearance, used=limits.clearance)

@@ -17,6 +17,7 @@ from tt_arm.arm_file import InstalledArm
 from tt_arm.joints import Joints
 from tt_core.errors import TtError
 from tt_core.factors import FACTORS
+from tt_core.failures import Failure
 from tt_core.learnt_physics import physics_to_text
 from tt_core.params import check, param
 from tt_core.priority import Priority
@@ -48,6 +49,12 @@ class LearnLine(Enum):
     """Messages that this node writes to the terminal."""
 
     LEARNT = "factors of the coefficients after this ball: {factors}"
+
+
+class LearnFailure(Enum):
+    """What goes wrong beside learning."""
+
+    NOT_SAVED = "not saved: {error}"
 
 
 @dataclass(frozen=True)
@@ -199,7 +206,8 @@ class LearnNode(Node):
             try:
                 Path(self.params.save).write_text(text)
             except OSError as error:
-                self.status.publish(f"not saved: {error}", warn=True)
+                failure = Failure(LearnFailure.NOT_SAVED, error=error)
+                self.status.publish(str(failure), warn=True, reason=failure)
         factors: dict[str, Any] = dict(zip(FACTORS, np.exp(self.learner.logarithms).round(4).tolist(), strict=True))
         self.status.publish(Event.LEARNT, stamp=self.newest, **factors)
         changed = [f"{name} {factor:.3f}" for name, factor in factors.items() if abs(factor - 1.0) > TOLD]

@@ -37,3 +37,8 @@ class Failure:
     def __hash__(self) -> int:
         """Hash the code; values may be of any type."""
         return hash(self.code)
+
+
+def code_name(failure: Failure | None) -> str:
+    """Return the name of the code of a failure, "NONE" without one; a state tells so that its trouble is over."""
+    return "NONE" if failure is None else failure.code.name

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from .errors import BadMessage, check_range
+from .errors import BadMessage, MessageFailure, check_range
 
 MOST_PIXELS = 8192  # in width or height: twice the largest industrial cameras of today
 LUMA_UYVY, LUMA_YUYV = 1, 0  # which of the two bytes of a pixel is the brightness
@@ -77,16 +77,17 @@ def grey_image(encoding: str, width: int, height: int, step: int, data: Any, *, 
     """
     known = ENCODINGS.get(encoding)
     if known is None:
-        raise BadMessage(f"encoding {encoding[:40]!r} is none of {', '.join(ENCODINGS)}")
+        raise BadMessage(MessageFailure.OTHER_ENCODING, encoding=encoding[:40], known=", ".join(ENCODINGS))
     check_range("image width, pixels,", width, 1, MOST_PIXELS)
     check_range("image height, pixels,", height, 1, MOST_PIXELS)
     dtype = np.dtype(known.dtype)
     pixel = known.channels * dtype.itemsize
     if step < width * pixel:
-        raise BadMessage(f"step = {step} bytes, a row of {width} pixels in {encoding} needs {width * pixel}")
+        raise BadMessage(MessageFailure.SMALL_STEP, step=step, width=width, encoding=encoding, needed=width * pixel)
     needed = step * int(height * known.rows)
     if len(data) != needed:
-        raise BadMessage(f"{len(data)} bytes of step {step} are no {width} x {height} {encoding}, which has {needed}")
+        size = {"size": len(data), "needed": needed, "step": step, "width": width, "height": height}
+        raise BadMessage(MessageFailure.OTHER_LENGTH, encoding=encoding, **size)
     shape, strides = (height, width, known.channels), (step, pixel, dtype.itemsize)
     axes = 3 if known.channels > 1 else 2
     if big_endian != (sys.byteorder == "big"):

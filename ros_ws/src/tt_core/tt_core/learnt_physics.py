@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from enum import Enum
 from typing import Any
 
 import yaml
@@ -15,6 +16,14 @@ from .physics import Physics
 NODES = ("estimate", "track", "predict", "racket", "learn", "markers", "view")  # that use the models; not `sim`, whose models are the truth
 PARTS = ("air", "table", "racket")
 MOST_CHARACTERS = 20_000  # of a text; one has 6,000
+
+
+class PhysicsFailure(Enum):
+    """Why a text holds no coefficients for a node."""
+
+    TOO_LONG = "text of {size} characters is longer than {most}"
+    NO_YAML = "no YAML: {error}"
+    NOTHING = "nothing for /**/{node}"
 
 
 def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -> str:
@@ -51,15 +60,15 @@ def physics_from_text(text: str, node: str, present: Physics) -> Physics:
         OutOfRange: A coefficient is outside its range.
     """
     if len(text) > MOST_CHARACTERS:
-        raise TtError(f"text of {len(text)} characters is longer than {MOST_CHARACTERS}")
+        raise TtError(PhysicsFailure.TOO_LONG, size=len(text), most=MOST_CHARACTERS)
     try:
         content = yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError, ValueError, TypeError, AttributeError, LookupError) as error:
-        raise TtError(f"no YAML: {type(error).__name__}") from None
+        raise TtError(PhysicsFailure.NO_YAML, error=type(error).__name__) from None
     section = _mapping(_mapping(content).get(f"/**/{node}"))
     values = _mapping(section.get("ros__parameters"))
     if not values:
-        raise TtError(f"nothing for /**/{node}")
+        raise TtError(PhysicsFailure.NOTHING, node=node)
     changes: dict[str, dict[str, float]] = {part: {} for part in PARTS}
     for name, value in values.items():
         if name == "physics":

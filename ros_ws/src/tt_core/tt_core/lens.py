@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 
 import numpy as np
 
@@ -13,6 +14,13 @@ WIDEST = math.radians(80.0)  # rad, largest angle between a ray and the optical 
 TOLERANCE = 0.01  # pixels, largest error of the rational model; a ball is located to 0.02 pixels
 _SAMPLES = 400  # angles at which the models are compared
 _PASSES = 6  # of the linear fit, each weighted with the denominator of the one before (Sanathanan and Koerner 1963)
+
+
+class LensFailure(Enum):
+    """Why a fisheye lens has no rational model."""
+
+    TOO_WIDE = "fisheye lens {lens} does not image {reach:g} focal lengths within {widest:g} deg of its axis"
+    NO_FIT = "fisheye lens {lens}: the rational model is {off:.3g} pixels off, at most {bound:g} allowed"
 
 
 def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> Array:
@@ -47,7 +55,7 @@ def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> 
     angle = np.linspace(0.0, coarse[beyond[0]] if len(beyond) else WIDEST, _SAMPLES + 1)[1:]
     radius = image(angle)
     if len(beyond) == 0 or (np.diff(radius) <= 0.0).any():
-        raise TtError(f"fisheye lens {fisheye} does not image {reach:g} focal lengths within {math.degrees(WIDEST):g} deg of its axis")
+        raise TtError(LensFailure.TOO_WIDE, lens=fisheye, reach=reach, widest=math.degrees(WIDEST))
     straight = np.tan(angle)
     widest, share = straight[-1] ** 2, radius / straight
     s = straight**2 / widest
@@ -59,6 +67,6 @@ def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> 
         weight = straight / np.maximum(np.abs(below), 1e-9)
     error = focal_length * np.abs((1.0 + s * (x[0] + s * (x[1] + s * x[2]))) / below - share) * straight
     if not (below > 0.0).all() or not error.max() < TOLERANCE:
-        raise TtError(f"fisheye lens {fisheye}: the rational model is {error.max():.3g} pixels off, at most {TOLERANCE:g} allowed")
+        raise TtError(LensFailure.NO_FIT, lens=fisheye, off=error.max(), bound=TOLERANCE)
     a, b = x[:3] / widest ** np.arange(1, 4), x[3:] / widest ** np.arange(1, 4)
     return np.array([a[0], a[1], 0.0, 0.0, a[2], *b])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from .text_enum import TextEnum
 
 
-class PathEnd(str, Enum):
-    """What ends a path, the computed flight of the ball. A member equals its word, and `str` gives the word."""
+class PathEnd(TextEnum):
+    """What ends a path, the computed flight of the ball."""
 
     STOP = "stop"  # the stop rule holds
     FLOOR = "floor"
@@ -15,7 +15,3 @@ class PathEnd(str, Enum):
     ROLLING = "rolling"  # after MOST_BOUNCES
     TOO_LONG = "too long"  # after LONGEST_PATH seconds
     TOO_FAR = "too far"  # farther than FARTHEST or faster than FASTEST
-
-    def __str__(self) -> str:
-        """Return the word."""
-        return self.value

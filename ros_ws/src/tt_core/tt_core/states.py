@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .arrays import POSITION, SPIN, TIME, VELOCITY, Array
-from .errors import BadShape, TtError, check_array, check_range
+from .errors import BadShape, TtError, ValueFailure, check_array, check_range
 from .interpolate import interpolate_states
 from .path_end import PathEnd
 
@@ -141,7 +141,7 @@ class BallPath:
             if len(getattr(self, name)) != len(self.times):
                 raise BadShape(name, getattr(self, name).shape, (len(self.times), 3))
         if len(self.times) == 0 or (np.diff(self.times) < 0.0).any():
-            raise TtError("times of a path must not be empty and must not decrease")
+            raise TtError(ValueFailure.DECREASING, name="times of a path")
 
     @classmethod
     def trusted(cls, rows: Array, bounces: tuple[Bounce, ...], ended: PathEnd) -> BallPath:

@@ -199,7 +199,7 @@ class Episode:
             return Failure(EpisodeFailure.NO_STROKE, causes=Causes(causes or [Failure(StrokeFailure.NO_HIT_POINT)]))
         if self.selection is None or self.selection.index is None:
             refusals = self.selection.reasons if self.selection else ()
-            return Failure(EpisodeFailure.NO_SWING, cause=refusals[0] if refusals else "no swing")
+            return Failure(EpisodeFailure.NO_SWING, cause=refusals[0]) if refusals else Failure(EpisodeFailure.NOT_TRIED)
         return Failure(EpisodeFailure.NOT_RETURNED, result=self.outcome.result)
 
     @property

@@ -49,14 +49,14 @@ class Sweep:
         numbers: By column of NUMBERS.
         misses: Why each ball did not come back, in truth; None for a return.
         judged: The same by the wide cameras.
-        limits: What kept the arm from the best stroke for each ball, see `sweep_metrics.limit`.
+        limits: What kept the arm from the best stroke for each ball, code and joint, see `sweep_metrics.limit`.
     """
 
     name: str
     numbers: dict[str, Array]
     misses: list[Miss | None]
     judged: list[Miss | None]
-    limits: list[str]
+    limits: list[tuple[str, str]]
 
     @classmethod
     def read(cls, file: Path) -> Sweep:
@@ -74,7 +74,8 @@ class Sweep:
             raise TtError(f"{file} has no column {missing[0]}: sweep it again")
         name = (table.schema.metadata or {}).get(b"scenario", file.stem.encode()).decode()
         misses, judged = ([Miss(word) if word else None for word in table[name].to_pylist()] for name in ("miss", "judged_miss"))
-        return cls(name, {column: table[column].to_numpy() for column in NUMBERS}, misses, judged, table["limit"].to_pylist())
+        limits = list(zip(table["limit"].to_pylist(), table["limit_joint"].to_pylist(), strict=True))
+        return cls(name, {column: table[column].to_numpy() for column in NUMBERS}, misses, judged, limits)
 
 
 def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:

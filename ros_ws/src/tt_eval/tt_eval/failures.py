@@ -14,6 +14,7 @@ class EpisodeFailure(Enum):
     MEASUREMENT_REFUSED = "measurement refused: {cause}"
     NO_STROKE = "no stroke: {causes}"
     NO_SWING = "arm: {cause}"
+    NOT_TRIED = "arm: no stroke was tried"  # the ball was over before they were there
     NOT_RETURNED = "{result}"  # the arm swung
 
 

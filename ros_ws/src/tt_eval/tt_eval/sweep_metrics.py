@@ -12,7 +12,7 @@ from tt_sim.world.outcome import Outcome, Result
 from .episode import Episode, spin_error, truth
 
 # SI units but for names with _rpm and _deg; NaN where a ball did not get that far; miss and reason are empty for a return
-TEXTS = ("kind", "miss", "reason", "judged_miss", "limit")
+TEXTS = ("kind", "miss", "reason", "judged_miss", "limit", "limit_joint")
 RETURN = ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z", "landing_error", "time_error", "return_spin_error")
 NUMBERS = (
     "seed", "scale", "speed", "spin_rpm", "seen", "hit", "landed", "measured_spin_error_rpm", "measured_speed_error_rpm",
@@ -24,7 +24,7 @@ NUMBERS = (
 def sweep_metrics(episode: Episode) -> dict[str, float | str]:
     """Return the row of a ball: all of TEXTS and NUMBERS.
 
-    `speed` and `spin_rpm` are those of the launch. `limit` is what kept the arm from the best stroke. Names with "judged" are by the wide
+    `speed` and `spin_rpm` are those of the launch. See `limit` for `limit` and `limit_joint`. Names with "judged" are by the wide
     cameras alone, all others are true. `arm_back` is the time (s) after the launch when the arm waits again.
     """
     trial, outcome, goal, selection = episode.trial, episode.outcome, episode.goal, episode.selection
@@ -35,7 +35,7 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
         "miss": str(episode.miss or ""),
         "reason": str(episode.reason or ""),
         "judged_miss": str(episode.judged_miss or ""),
-        "limit": limit(episode),
+        **limit(episode),
     }
     row |= {"seed": trial.seed, "scale": trial.scale, "seen": episode.measured is not None}
     row |= {"speed": float(np.linalg.norm(trial.ball.velocity)), "spin_rpm": float(np.linalg.norm(trial.ball.spin)) / RPM}
@@ -62,16 +62,16 @@ def sweep_metrics(episode: Episode) -> dict[str, float | str]:
     return {key: value if isinstance(value, str) else float(value) for key, value in row.items()}
 
 
-def limit(episode: Episode) -> str:
-    """Return what kept the arm from the best of its strokes: the name of the failure's code, and the joint if it is about one.
+def limit(episode: Episode) -> dict[str, str]:
+    """Return what kept the arm from the best of its strokes: `limit`, the name of the code, and `limit_joint`, if it is about a joint.
 
-    Empty where the arm made a stroke, or was offered none.
+    Both are empty where the arm made a stroke, or was offered none.
     """
     selection = episode.selection
     if selection is None or selection.index is not None or not selection.reasons:
-        return ""
+        return {"limit": "", "limit_joint": ""}
     failure = selection.reasons[0].failure
-    return " ".join([failure.code.name, *([failure.values["joint"]] if "joint" in failure.values else [])])
+    return {"limit": failure.code.name, "limit_joint": failure.values.get("joint", "")}
 
 
 def _returned(outcome: Outcome, goal: ReturnGoal) -> dict[str, float]:

@@ -140,7 +140,7 @@ class PredictNode(Node):
         try:
             end = uncertainty(ball, self.physics, self.stop)
         except TtError as error:
-            return {"uncertainty": str(error)}
+            return {"reason": error.failure}
         if end is None:
             return {}
         time, _, y, z = 1e3 * np.sqrt(np.diag(end.covariance))[:4]

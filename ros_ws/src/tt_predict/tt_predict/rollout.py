@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from tt_core.arrays import POSITION, SPIN, STATE, TIME, VELOCITY, Array
-from tt_core.errors import BadChoice, TtError, check_range
+from tt_core.errors import BadChoice, OutOfRange, check_range
 from tt_core.events import LONGEST_PATH, MOST_BOUNCES, ROWS_FULL, StopKind, path_end_of, walk_entry
 from tt_core.flight import LEAST_EASE, MAX_STEP
 from tt_core.physics import Physics
@@ -92,9 +92,8 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
         The path. Its `ended` tells why it ends.
 
     Raises:
-        OutOfRange: The stop time is before the ball's time.
+        OutOfRange: The stop time is before the ball's time, or the path has more points than any path of LONGEST seconds.
         BadChoice: `method` is unknown.
-        TtError: The path has more points than any path of LONGEST_PATH seconds.
     """
     if method not in _WALKS:
         raise BadChoice("method", method, tuple(_WALKS))
@@ -104,7 +103,7 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
         rows, bounce_rows = np.empty((size, 10)), np.empty(MOST_BOUNCES, np.int64)
         points, bounced, end = walk(ball.time, ball.vector, int(stop.kind), stop.value, duration, physics.coefficients, rows, bounce_rows)
         if end == ROWS_FULL and size >= _MOST_ROWS:
-            raise TtError(f"path of more than {size} points")
+            raise OutOfRange("number of points of the path", size + 1, 1, size)
         size = min(8 * size, _MOST_ROWS)  # steps may be small, see tt_core.flight.ease
     rows = rows[:points]
     rows.flags.writeable = False

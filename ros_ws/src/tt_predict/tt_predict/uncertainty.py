@@ -8,6 +8,7 @@ corrected so that their mean and covariance are exact. The exact path of each of
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 
 import numpy as np
@@ -25,11 +26,19 @@ SEED = 1  # seed of the points; with it, standard deviations are within 0.6 % of
 _ROWS = 4096  # largest number of points of one path
 
 
+class UncertaintyFailure(Enum):
+    """Why there is no uncertainty at the end of a path."""
+
+    NO_COVARIANCE = "the ball has no covariance"
+    NOT_A_COVARIANCE = "covariance has the negative eigenvalue {eigenvalue:g}"
+    NOT_IN_THE_AIR = "no ball of this covariance is in the air at {time:g} s"
+
+
 class NoCovariance(TtError):
     """The ball has no covariance, but one is needed."""
 
     def __init__(self) -> None:
-        super().__init__("the ball has no covariance")
+        super().__init__(UncertaintyFailure.NO_COVARIANCE)
 
 
 class NotACovariance(TtError):
@@ -37,7 +46,7 @@ class NotACovariance(TtError):
 
     def __init__(self, eigenvalue: float) -> None:
         """Keep the smallest eigenvalue."""
-        super().__init__(f"covariance has the negative eigenvalue {eigenvalue:g}")
+        super().__init__(UncertaintyFailure.NOT_A_COVARIANCE, eigenvalue=eigenvalue)
         self.eigenvalue = eigenvalue
 
 
@@ -46,7 +55,7 @@ class NotInTheAir(TtError):
 
     def __init__(self, time: float) -> None:
         """Keep the time in s."""
-        super().__init__(f"no ball of this covariance is in the air at {time:g} s")
+        super().__init__(UncertaintyFailure.NOT_IN_THE_AIR, time=time)
         self.time = time
 
 

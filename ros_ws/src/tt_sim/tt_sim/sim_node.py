@@ -28,6 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from tt_arm.arm_file import load_arm
 from tt_arm.joints import Joints
 from tt_core.errors import TtError
+from tt_core.failures import Failure, code_name
 from tt_core.physics import Physics
 from tt_core.priority import CONTROL
 from tt_core.robots import read_arm
@@ -46,6 +47,7 @@ from tt_core.ros.inputs import LOOK, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
+from tt_core.ros.refusals import Refusals
 from tt_core.states import Array, BallState
 from tt_vision.rig import SIDES, WIDE_SIDES, high_speed_pair, wide_pair
 
@@ -63,7 +65,6 @@ from .world_file import WorldParams, load_world
 
 SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
 LARGEST = 4096  # bytes of a command
-PAUSE = 0.25  # s, at least, between two reports of refused commands
 DARK = 8  # grey level of an image without a ball
 
 
@@ -75,10 +76,15 @@ class SimLine(Enum):
         "after {seconds:.2f} s"
     )
     OVER = "ball {number}, {shot}: {result}"
-    COMMAND_REFUSED = "command refused: {error}"
-    PUBLISHERS = "commands refused: {count} publishers, {names}"
-    BRAKES = "the drives brake: no command in time"
     FOLLOWS = "the drives follow commands"
+
+
+class SimFailure(Enum):
+    """What is wrong with the arm or its commands: codes of `tt_core.failures.Failure`."""
+
+    SECOND_PUBLISHER = "commands refused: {count} publishers, {names}"
+    NO_COMMAND = "the drives brake: no command in time"
+    BOUND_BROKEN = "bound broken"
 
 
 class SimNode(Node):
@@ -107,9 +113,9 @@ class SimNode(Node):
             lambda image: image_to_message(image.image, 0.0, f"{SIDES[image.side]}_optical"),
         )
         self.busy = threading.Event()  # set while a launch on request waits for its images or its ball flies
-        self.refused, self.refusal_told = 0, -np.inf  # commands since the start; s, monotonic
         self.filled: dict[Publisher, Any] = {}  # messages that are filled again and again, by their publishers
         self.create_publishers()
+        self.refused = Refusals(self.status, "command")
         cameras = zip(high_speed_pair(), SIDES, strict=True)
         dark = [image_to_message(np.full((c.height, c.width), DARK, np.uint8), 0.0, f"{name}_optical") for c, name in cameras]
         self.loop = SimLoop(self.params, world, plant, self.drive, self.launches, dark, self)
@@ -121,7 +127,7 @@ class SimNode(Node):
             self.on_command,
             NEWEST,
             largest=LARGEST,
-            refused=self.on_refused,
+            refused=self.refused,
         )
         self.create_timer(LOOK, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
@@ -178,19 +184,11 @@ class SimNode(Node):
             self.launches.discard()
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
+        """Hand the joint velocities of a command to the drive."""
         try:
             self.drive.take(message.data, time.monotonic())
         except TtError as error:
-            self.on_refused(error)
-
-    def on_refused(self, error: TtError) -> None:
-        """Count a refused command and report it, once in PAUSE at most."""
-        self.refused += 1
-        if time.monotonic() - self.refusal_told >= PAUSE:
-            self.refusal_told = time.monotonic()
-            self.status.publish(f"command refused: {error}", warn=True, refused=self.refused)
-            self.status.terminal.warn(SimLine.COMMAND_REFUSED, error=error)
+            self.refused(error)
 
     def check_sole_publisher(self) -> None:
         """Make the drive ignore all commands while more than one node publishes them."""
@@ -198,10 +196,15 @@ class SimNode(Node):
         sole = len(names) <= 1
         if sole != self.drive.sole:
             self.drive.sole = sole
-            text = "commands obeyed: one publisher" if sole else f"commands refused: {len(names)} publishers, {', '.join(sorted(names))}"
-            self.status.publish(text, warn=not sole)
-            if not sole:
-                self.status.terminal.warn(SimLine.PUBLISHERS, count=len(names), names=", ".join(sorted(names)))
+            failure = None if sole else Failure(SimFailure.SECOND_PUBLISHER, count=len(names), names=", ".join(sorted(names)))
+            self.tell("commands obeyed: one publisher", failure)
+            if failure is not None:
+                self.status.terminal.warn(failure.code, **failure.values)
+
+    def tell(self, state: str, failure: Failure | None, part: str = "", **values: Any) -> None:
+        """Publish a state of the arm or its commands, or what is wrong with it."""
+        code = code_name(failure)
+        self.status.publish(str(failure or state), part=part, warn=failure is not None, reason=failure, code=code, **values)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Launch the next ball, unless balls are launched at a rate or one is in flight."""
@@ -293,13 +296,12 @@ class SimNode(Node):
 
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""
-        self.status.publish("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
-        self.status.terminal.info(SimLine.BRAKES if is_braking else SimLine.FOLLOWS)
+        self.tell("follows commands", Failure(SimFailure.NO_COMMAND) if is_braking else None, "drive")
+        self.status.terminal.info(SimFailure.NO_COMMAND if is_braking else SimLine.FOLLOWS)
 
     def report_record(self, record: ArmRecord) -> None:
         """Report the worst that the true arm did."""
-        text = "bounds kept" if record.kept else "bound broken"
-        self.status.publish(text, part="arm record", warn=not record.kept, **record.to_text())
+        self.tell("bounds kept", None if record.kept else Failure(SimFailure.BOUND_BROKEN), "arm record", **record.to_text())
 
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
         """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""

@@ -7,10 +7,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
+from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
 from rosbags.interfaces import Qos
+from tt_core.failures import Failure
 from tt_core.ros.bags import TYPES, BagError
 
 from .bagfile import ONE_FILE, RESERVE, BagFile, SplitRule, Summary
@@ -22,18 +24,27 @@ RETRY = 0.25  # s between two checks whether a full disk has room again
 PATIENCE, GRACE = 4.0, 2.0  # s that `close` waits: first for the queue to be written, then for the file to be closed
 
 
+class DiskFailure(Enum):
+    """What is wrong with the disk: codes of `tt_core.failures.Failure`."""
+
+    FULL = "the disk is full: {error}"
+    SLOW = "the disk is slow"
+    FAILED = "the disk failed: {error}"
+    SILENT = "the disk has not answered for {seconds:g} s"
+
+
 class State(NamedTuple):
     """State of a recording.
 
     Attributes:
-        trouble: What is wrong with the disk; "" if nothing is.
+        trouble: What is wrong with the disk; None if nothing is.
         queued: Bytes of messages that wait in the queue.
         free: Bytes that were free on the disk at the last allocation.
         dropped: Number of messages that were not written, by topic.
         missed: Number of messages that the middleware lost before they arrived, by topic.
     """
 
-    trouble: str
+    trouble: Failure | None
     queued: int
     free: int
     dropped: dict[str, int]
@@ -93,9 +104,10 @@ class Recording:
         self._lock = threading.Lock()  # protects `_queued` and `_dropped`
         self._largest, self._queued, self._dropped = queue_bytes, 0, Counter[str]()
         self._missed: dict[str, int] = {}
-        self._full = self._broken = ""  # why the disk takes nothing at present (full), or nothing any more (broken)
-        self._retry = 0.0  # s, when to check for room again
-        self._since: float | None = None  # s, when the writer began its present item; None while it is idle
+        self._full: Failure | None = None  # why the disk takes nothing now
+        self._broken: Failure | None = None  # why it takes nothing any more
+        self._retry = 0.0  # s, when to look for room again
+        self._since: float | None = None  # s, when the writer began what it is doing
         self._slow_until = 0.0  # s
         self._over = False  # whether what is still queued is dropped
         self._summary: Summary | None = None
@@ -155,7 +167,7 @@ class Recording:
             queued, dropped = self._queued, dict(+self._dropped)
         now, since = time.monotonic(), self._since
         slow = (since is not None and now - since > SLOW) or now < self._slow_until or queued > self._largest / 2
-        trouble = self._broken or self._full or ("the disk is slow" if slow else "")
+        trouble = self._broken or self._full or (Failure(DiskFailure.SLOW) if slow else None)
         return State(trouble, queued, self._bag.free, dropped, dict(self._missed))
 
     def close(self) -> Summary:
@@ -174,7 +186,7 @@ class Recording:
         self._over = True
         self._thread.join(GRACE)
         if self._summary is None:
-            reason = self._broken or f"the disk has not answered for {PATIENCE + GRACE:g} s"
+            reason = self._broken or Failure(DiskFailure.SILENT, seconds=PATIENCE + GRACE)
             bag = self._bag.directory
             raise BagError(f"{bag} has no index ({reason}); ros2 bag reindex {bag} saves what was written")
         return self._summary
@@ -200,7 +212,7 @@ class Recording:
             if not self._broken:
                 self._summary = self._bag.close(+self._dropped, self._missed)
         except OSError as error:
-            self._broken = f"the disk failed: {error}"
+            self._broken = Failure(DiskFailure.FAILED, error=error, errno=error.errno)
         if self._broken:
             self._bag.abort()
 
@@ -211,13 +223,13 @@ class Recording:
         try:
             self._bag.make_room(len(sample.data), sample.time)
         except OSError as error:
-            self._full, self._retry = f"the disk is full: {error.strerror}", time.monotonic() + RETRY
+            self._full, self._retry = Failure(DiskFailure.FULL, error=error.strerror, errno=error.errno), time.monotonic() + RETRY
             return False
-        self._full = ""
+        self._full = None
         try:
             self._bag.write(*sample)
         except OSError as error:
-            self._broken = f"the disk failed: {error}"
+            self._broken = Failure(DiskFailure.FAILED, error=error, errno=error.errno)
         return not self._broken
 
     def _attach(self, attachment: _Attachment) -> None:
@@ -227,4 +239,4 @@ class Recording:
         try:
             self._bag.attach(*attachment)
         except OSError as error:
-            self._full, self._retry = f"the disk is full: {error.strerror}", time.monotonic() + RETRY
+            self._full, self._retry = Failure(DiskFailure.FULL, error=error.strerror, errno=error.errno), time.monotonic() + RETRY

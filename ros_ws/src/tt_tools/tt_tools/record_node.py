@@ -24,6 +24,7 @@ from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from std_msgs.msg import String
 from tt_core.errors import TtError
+from tt_core.failures import code_name
 from tt_core.params import check, param
 from tt_core.revision import revision
 from tt_core.robots import read_arm
@@ -125,7 +126,7 @@ class RecordNode(Node):
         topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))
         self.params = replace(params, topics=topics, exclude_topics=excluded)
         self._seen: set[str] = set()
-        self._told, self._when = State("", 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
+        self._told, self._when = State(None, 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
         self.failed = False
         self._status = Status(self)
         self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -168,7 +169,7 @@ class RecordNode(Node):
 
     def _report(self, state: State) -> None:
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
-        changed = state.trouble != self._told.trouble
+        changed = code_name(state.trouble) != code_name(self._told.trouble)
         losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
         if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + TELL):
             return
@@ -178,7 +179,8 @@ class RecordNode(Node):
             self.get_logger().warning(f"recording again; dropped so far: {sum(state.dropped.values())} messages")
         counts: dict[str, Any] = {"free_bytes": state.free, "queued_bytes": state.queued}
         losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
-        self._status.publish(state.trouble or "recording", warn=bool(state.trouble) or losing, **counts, **losses)
+        text, is_wrong = str(state.trouble or "recording"), state.trouble is not None or losing
+        self._status.publish(text, warn=is_wrong, reason=state.trouble, code=code_name(state.trouble), **counts, **losses)
         self._told, self._when = state, time.monotonic()
 
     def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:

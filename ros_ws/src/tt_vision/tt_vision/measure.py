@@ -59,6 +59,14 @@ class MeasurementReason(Enum):
     SWAPPED = "the cameras are swapped"
 
 
+class LeftOut(dict[DetectionReason, int]):
+    """How many frames do not show the whole ball, by reason."""
+
+    def __str__(self) -> str:
+        """Return the counts as words."""
+        return ", ".join(f"{count} x {code.value}" for code, count in self.items()) or "none"
+
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """Result of the measurement of a burst (the images of one ball's passage): the state of the ball, or why there is none.
@@ -179,7 +187,8 @@ def measure_burst(
         return Measurement(None, Failure(MeasurementReason.BAD_CALIBRATION), 0, {})
     whole, left_out = whole_balls(detect_balls(burst), MOST_FRAMES)
     if len(whole) < LEAST_FRAMES:
-        return Measurement(None, _few_frames(len(whole), len(burst), left_out), len(whole), left_out)
+        counts = {"good": len(whole), "frames": len(burst), "needed": LEAST_FRAMES}
+        return Measurement(None, Failure(MeasurementReason.FEW_FRAMES, left_out=LeftOut(left_out), **counts), len(whole), left_out)
     found = _estimate(whole, lamps, search, first if len(whole) == len(burst) else None)
     if found.motion is None or found.spin is None or found.reason:
         reason = Failure(MeasurementReason.SWAPPED) if _is_swapped(whole, lamps, search) else found.reason
@@ -322,11 +331,6 @@ def _is_swapped(burst: Burst, lamps: CalibratedLamps | None, search: SearchParam
     if any(stack.shape[1:] != (camera.height, camera.width) for stack, camera in zip(burst.images, burst.cameras[::-1], strict=True)):
         return False
     return _estimate(burst.seen_by(burst.cameras[::-1]), lamps, replace(search, second_look=False)).reason is None
-
-
-def _few_frames(good: int, frames: int, left_out: dict[DetectionReason, int]) -> Failure:
-    counts = ", ".join(f"{count} x {code.value}" for code, count in left_out.items()) or "none"
-    return Failure(MeasurementReason.FEW_FRAMES, good=good, frames=frames, needed=LEAST_FRAMES, left_out=counts)
 
 
 def _is_finite(cameras: Sequence[Camera]) -> bool:

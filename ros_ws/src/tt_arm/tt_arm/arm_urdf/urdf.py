@@ -17,7 +17,6 @@ import numpy as np
 import pinocchio as pin
 from tt_core.constants import RACKET_RADIUS
 from tt_core.errors import TtError
-from tt_core.failures import Failure
 from tt_core.states import Array
 
 from .meshes import MeshNotFound, resolve
@@ -63,16 +62,7 @@ class UrdfFailure(Enum):
 
 
 class UrdfError(TtError):
-    """A URDF cannot be used.
-
-    Attributes:
-        failure: The reason; its code is a UrdfFailure.
-    """
-
-    def __init__(self, code: UrdfFailure, **values: object) -> None:
-        """Keep the reason; its sentence is the text of the error."""
-        self.failure = Failure(code, **values)
-        super().__init__(str(self.failure))
+    """A URDF that cannot be used; its failure has a code of UrdfFailure."""
 
 
 @dataclass(frozen=True)

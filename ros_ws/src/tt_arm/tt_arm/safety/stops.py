@@ -49,4 +49,5 @@ class ArmStop(Enum):
     SWING_WILL_DO = "the swing on its way will do"
     SWING_COMMITTED = "the strike is {left:.3f} s ahead, the swing does not change any more within {bound:g} s"
     CORRECTION_TOO_LARGE = "a correction of {distance:.3f} m, at most {bound:g} m allowed"
+    PLANNING_FAILED = "planning failed: {error}"
     STOPPED_MEANWHILE = "the arm was stopped while the swing was planned"

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from ..errors import BadMessage, BadShape, OutOfRange, check_array, check_range
+from ..errors import BadMessage, BadShape, MessageFailure, NotFinite, OutOfRange, check_array, check_range
 from ..images import MOST_PIXELS, grey_image
 from ..lens import rational_from_fisheye
 from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
@@ -59,7 +59,7 @@ def seconds(message: Time | Duration) -> float:
 def stamp_seconds(message: Time) -> float:
     """Return the stamp of a message in s; raises BadMessage or OutOfRange for one that is no time."""
     if message.nanosec >= 10**9:
-        raise BadMessage(f"stamp of {message.sec} s and {message.nanosec} ns has more than a second of nanoseconds")
+        raise BadMessage(MessageFailure.BAD_STAMP, sec=message.sec, nanosec=message.nanosec)
     return check_range("stamp, s,", seconds(message), 0.0, NEWEST)
 
 
@@ -77,12 +77,12 @@ def _covariance(name: str, numbers: object) -> Array:
     covariance = _bounded(name, numbers, (36,), VARIANCE).reshape(6, 6)
     largest = np.abs(covariance).max()
     if (np.diag(covariance) < 0.0).any():
-        raise BadMessage(f"{name} has the negative variance {np.diag(covariance).min():g}")
+        raise BadMessage(MessageFailure.NEGATIVE_VARIANCE, name=name, variance=np.diag(covariance).min())
     if np.abs(covariance - covariance.T).max() > 1e-6 * largest:
-        raise BadMessage(f"{name} is not symmetric: its halves differ by {np.abs(covariance - covariance.T).max():g}")
+        raise BadMessage(MessageFailure.NOT_SYMMETRIC, name=name, difference=np.abs(covariance - covariance.T).max())
     least = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))[0]
     if least < -1e-6 * largest:
-        raise BadMessage(f"{name} is not positive semidefinite: it has the eigenvalue {least:g}")
+        raise BadMessage(MessageFailure.NEGATIVE_EIGENVALUE, name=name, eigenvalue=least)
     return covariance
 
 
@@ -138,8 +138,8 @@ def ball_from_message(message: Odometry) -> BallState:
         TtError: The frames are not `table` and `ball`, a number is outside its bound, or a covariance is not positive semidefinite.
     """
     if message.header.frame_id != "table" or message.child_frame_id != "ball":
-        frames = f"{message.header.frame_id[:40]!r} -> {message.child_frame_id[:40]!r}"
-        raise BadMessage(f"frames table -> ball expected, got {frames}")
+        frame = f"{message.header.frame_id[:40]} -> {message.child_frame_id[:40]}"
+        raise BadMessage(MessageFailure.OTHER_FRAME, wanted="table -> ball", frame=frame)
     position, twist = message.pose.pose.position, message.twist.twist
     covariance = np.zeros((9, 9))
     covariance[:3, :3] = _covariance("covariance of the pose", message.pose.covariance)[:3, :3]
@@ -174,14 +174,13 @@ def _point(
 
 def _check(message: MultiDOFJointTrajectory, joint: str, least: int, most: int) -> float:
     """Return the stamp (s) of a trajectory that has the form which its topic promises; raises TtError for another one."""
-    if len(message.joint_names) != 1 or message.joint_names[0] != joint or len(message.points) < least:
-        names = [name[:40] for name in message.joint_names[:4]]
-        raise BadMessage(f"joint [{joint}] and {least} points expected, got {names} and {len(message.points)}")
+    if len(message.joint_names) != 1 or message.joint_names[0] != joint:
+        raise BadMessage(MessageFailure.OTHER_JOINT, wanted=joint, joints=[name[:40] for name in message.joint_names[:4]])
     check_range(f"number of points of [{joint}]", len(message.points), least, most)
     if any(len(p.transforms) != 1 or len(p.velocities) != 1 for p in message.points):
-        raise BadMessage("each point must hold one transform and one velocity")
+        raise BadMessage(MessageFailure.INCOMPLETE_POINT)
     if message.header.frame_id != "table":
-        raise BadMessage(f"frame table expected, got {message.header.frame_id[:40]!r}")
+        raise BadMessage(MessageFailure.OTHER_FRAME, wanted="table", frame=message.header.frame_id[:40])
     return stamp_seconds(message.header.stamp)
 
 
@@ -299,7 +298,7 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
     turns = [(q.x, q.y, q.z, q.w) for q in (point.transforms[0].rotation for point in points)]
     for turn in turns:
         if not abs(math.hypot(*turn) - 1.0) <= 1e-3:  # not so either for NaN
-            raise BadMessage(f"quaternion of length 1 expected, got {', '.join(map(str, turn))}")
+            raise BadMessage(MessageFailure.NO_ROTATION, quaternion=turn)
     times = [start + _after(point) for point in points]
     positions = _bounded("position", [_numbers(point.transforms[0].translation) for point in points], (-1, 3), PLACE)
     velocities = _bounded("velocity", [_numbers(point.velocities[0].linear) for point in points], (-1, 3), SPEED)
@@ -385,11 +384,11 @@ def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
     """
     matrix = np.array(_bounded("K", message.k, (9,), FOCAL).reshape(3, 3))
     if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0:
-        raise BadMessage(f"camera of {message.width} x {message.height} pixels is not calibrated: K = {matrix.ravel()}")
+        raise BadMessage(MessageFailure.NOT_CALIBRATED, width=message.width, height=message.height, matrix=matrix.ravel())
     if (matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0.0).any() or matrix[2, 2] != 1.0:
-        raise BadMessage(f"K = {matrix.ravel()} is skewed: it must be fx, 0, cx, 0, fy, cy, 0, 0, 1")
+        raise BadMessage(MessageFailure.SKEWED, matrix=matrix.ravel())
     if message.binning_x > 1 or message.binning_y > 1:
-        raise BadMessage(f"binning of {message.binning_x} x {message.binning_y} pixels is not supported")
+        raise BadMessage(MessageFailure.BINNED, x=message.binning_x, y=message.binning_y)
     width, height, roi = message.width, message.height, message.roi
     check_range("width of the camera, pixels,", width, 1, MOST_PIXELS)
     check_range("height of the camera, pixels,", height, 1, MOST_PIXELS)
@@ -406,9 +405,9 @@ def _distortion(message: CameraInfo, width: int, height: int, matrix: Array) -> 
     model = message.distortion_model.lower()
     counts = (_PINHOLE | _FISHEYE).get(model)
     if counts is None:
-        raise BadMessage(f"distortion model {model[:40]!r} is none of {', '.join(map(repr, _PINHOLE | _FISHEYE))}")
+        raise BadMessage(MessageFailure.OTHER_MODEL, model=model[:40], known=", ".join(map(repr, _PINHOLE | _FISHEYE)))
     if len(message.d) not in counts:
-        raise BadMessage(f"distortion model {model!r} has {' or '.join(map(str, counts))} coefficients, got {len(message.d)}")
+        raise BadMessage(MessageFailure.COEFFICIENT_COUNT, model=model, known=" or ".join(map(str, counts)), count=len(message.d))
     given = _bounded("distortion", message.d, (-1,), LENS)
     if model in _FISHEYE:
         focal = matrix[[0, 1], [0, 1]]
@@ -433,7 +432,7 @@ def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
     if image.ndim != 2:
         raise BadShape("image", image.shape, "(height, width)")
     if image.dtype not in (np.uint8, np.uint16):
-        raise BadMessage(f"image of dtype uint8 or uint16 expected, got {image.dtype}")
+        raise BadMessage(MessageFailure.OTHER_TYPE, dtype=image.dtype)
     height, width = image.shape
     data = array.array("B")
     data.frombytes(np.ascontiguousarray(image).data.cast("B"))
@@ -483,26 +482,27 @@ def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[floa
         NaN for each of these joints, as ros2_control does. None if the message holds none of these joints.
 
     Raises:
-        BadMessage: some of the joints are missing or named twice, or numbers are missing or not finite.
+        BadMessage: Some of the joints are missing or named twice, or numbers are missing.
+        NotFinite: A number is NaN or infinite.
     """
     given = list(message.name)
     if not any(name in names for name in given):
         return None
     wrong = {name: given.count(name) for name in names if given.count(name) != 1}
     if wrong:
-        raise BadMessage(f"each joint once expected, got {', '.join(f'{name} {count} times' for name, count in wrong.items())}")
+        raise BadMessage(MessageFailure.JOINT_COUNT, counts=", ".join(f"{name} {count} times" for name, count in wrong.items()))
     order = [given.index(name) for name in names]
     for field, values in (("position", message.position), ("velocity", message.velocity)):
         if len(values) != len(given) and not (field == "velocity" and len(values) == 0):
-            raise BadMessage(f"{field} holds {len(values)} numbers for {len(given)} names")
+            raise BadMessage(MessageFailure.NUMBER_COUNT, field=field, count=len(values), names=len(given))
     q = np.array([message.position[i] for i in order])
     qdot = np.array([message.velocity[i] for i in order]) if len(message.velocity) else None
     if qdot is not None and np.isnan(qdot).all():
         qdot = None
     if not np.isfinite(q).all():
-        raise BadMessage(f"positions are not finite: {q}")
+        raise NotFinite("position", q)
     if qdot is not None and not np.isfinite(qdot).all():
-        raise BadMessage(f"velocities are not finite: {qdot}")
+        raise NotFinite("velocity", qdot)
     return seconds(message.header.stamp), q, qdot
 
 

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from ..errors import BadMessage, TtError, check_range
+from ..errors import BadMessage, MessageFailure, TtError
 from .qos import compatible
 
 LOOK = 0.25  # s between two looks at who publishes
@@ -51,7 +51,7 @@ class Input:
             callback: Takes each message that is accepted.
             qos: What is asked for where the publishers offer it. Of two, the second is asked for where all publishers are reliable.
             largest: Bytes of a serialized message, above which it is refused.
-            refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
+            refused: Takes the error of each message that is not accepted, because of its size or because it cannot be read.
             interval: s. A message that comes sooner than this after the last one is dropped without being read.
         """
         self._node, self._kind, self._callback = node, kind, callback
@@ -84,11 +84,12 @@ class Input:
                 return
             self._due = now + self._interval
         try:
-            check_range(f"size of a message on {self.topic}, bytes,", len(data), 0, self._largest)
+            if len(data) > self._largest:
+                raise BadMessage(MessageFailure.TOO_LARGE, topic=self.topic, size=len(data), most=self._largest)
             message = deserialize_message(data, self._kind)
         except TtError as error:
             self._refused(error)
         except RuntimeError as error:  # rclpy's RMWError: the bytes are no message of this type
-            self._refused(BadMessage(f"message on {self.topic} cannot be read: {error}"))
+            self._refused(BadMessage(MessageFailure.UNREADABLE, topic=self.topic, error=error))
         else:
             self._callback(message)

@@ -34,12 +34,12 @@ class Refusals:
         """Count a refusal, and publish it with the number of those before it that were not published.
 
         Args:
-            error: Its class is published as `code`, its sentence as the message, and the values that it carries by their names.
+            error: Its failure is published as the reason.
         """
         self.total += 1
         now = time.monotonic()
         if now >= self._last + INTERVAL:
             left_out, self._told, self._last = self.total - self._told - 1, self.total, now
-            values = {"code": type(error).__name__, **vars(error), "total": self.total, "left_out": left_out}
-            self._status.publish(f"{self._what} refused: {error}", warn=True, **values)
+            text = f"{self._what} refused: {error}"
+            self._status.publish(text, warn=True, reason=error.failure, total=self.total, left_out=left_out)
             self._status.terminal.warn(RefusalLine.REFUSED, what=self._what, error=error)

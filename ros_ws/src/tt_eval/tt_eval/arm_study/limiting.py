@@ -30,15 +30,14 @@ LIMITING = {
 _BY_NAME = {code.name: text for code, text in LIMITING.items()}
 
 
-def limiting(limits: Iterable[str]) -> dict[str, int]:
+def limiting(limits: Iterable[tuple[str, str]]) -> dict[str, int]:
     """Return how often each thing limits, the most frequent first.
 
     Args:
-        limits: Column `limit` of a sweep; empty ones do not count.
+        limits: Columns `limit` and `limit_joint` of a sweep; those without a code do not count.
     """
     counts: Counter[str] = Counter()
-    for text in limits:
-        if text:
-            name, _, joint = text.partition(" ")
+    for name, joint in limits:
+        if name:
             counts[_BY_NAME.get(name, name).format(joint=joint)] += 1
     return dict(counts.most_common())

@@ -15,7 +15,6 @@ from typing import Any
 import cv2
 import numpy as np
 from tt_core.errors import TtError
-from tt_core.failures import Failure
 from tt_core.params import check, param
 
 
@@ -30,17 +29,7 @@ class DeviceReason(Enum):
 
 
 class DeviceError(TtError):
-    """Error: a camera device cannot be opened, does not accept a setting, or changes the size of its images."""
-
-    def __init__(self, code: DeviceReason, **values: object) -> None:
-        """Keep the reason, so that a caller can decide on its code.
-
-        Args:
-            code: The reason.
-            **values: Numbers and names for the format string of the code.
-        """
-        self.reason = Failure(code, **values)
-        super().__init__(str(self.reason))
+    """A device that cannot be opened, does not take a setting, or changes its images; its failure has a code of DeviceReason."""
 
 
 @dataclass(frozen=True)

@@ -39,12 +39,7 @@ class DetectionReason(Enum):
 
 
 class NoWholeBall(TtError):
-    """Error: an image does not show a whole ball."""
-
-    def __init__(self, reason: Failure) -> None:
-        """Keep the reason, so that a caller can decide on its code."""
-        super().__init__(str(reason))
-        self.reason = reason
+    """An image does not show a whole ball; its failure has a code of DetectionReason."""
 
 
 class Glance(NamedTuple):
@@ -171,7 +166,7 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
     """
     seen = find_ball(image)
     if seen.reason is not None:
-        raise NoWholeBall(seen.reason)
+        raise NoWholeBall(seen.reason.code, **seen.reason.values)
     circle = np.array([seen.u, seen.v, seen.radius if radius is None else radius])
     if len(fit_outline(image, circle, seen.contrast, radius is None)) < LEAST_POINTS:
         raise TtError("no outline of the ball")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 
 import cv2
@@ -31,6 +32,12 @@ GRID = 9  # number of points along each side of the image at which a lens is che
 _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
 
+class LensReason(Enum):
+    """Why a lens is refused."""
+
+    CANNOT_UNDISTORT = "distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels"
+
+
 class CannotUndistort(TtError):
     """Error: a lens distortion cannot be inverted everywhere in the image."""
 
@@ -42,7 +49,7 @@ class CannotUndistort(TtError):
             pixel: (2,) pixels, where the inverse has its largest error.
             off: This error, pixels.
         """
-        super().__init__(f"distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels")
+        super().__init__(LensReason.CANNOT_UNDISTORT, distortion=distortion, pixel=pixel, off=off)
         self.distortion, self.pixel, self.off = distortion, pixel, off
 
 
