@@ -92,7 +92,7 @@ def rollout(ball: BallState, physics: Physics, stop: StopRule, *, method: str = 
         The path. Its `ended` tells why it ends.
 
     Raises:
-        OutOfRange: The stop time is before the ball's time, or the path has more points than any path of LONGEST seconds.
+        OutOfRange: The stop time is before the ball's time, or the path has more points than any path of LONGEST_PATH seconds.
         BadChoice: `method` is unknown.
     """
     if method not in _WALKS:
