@@ -11,7 +11,7 @@ from tt_sim.world.outcome import Outcome, Result
 
 from .episode import Episode, spin_error, truth
 
-# SI units except for names with _rpm and _deg. NaN for stages that a ball did not reach. miss and reason are empty for a return
+# SI units but for names with _rpm and _deg; NaN where a ball did not get that far; miss and reason are empty for a return
 TEXTS = ("kind", "miss", "reason", "judged_miss", "limit")
 RETURN = ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z", "landing_error", "time_error", "return_spin_error")
 NUMBERS = (

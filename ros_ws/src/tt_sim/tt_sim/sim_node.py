@@ -63,8 +63,8 @@ from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
 SWITCH = 5e-4  # s, longest time that the thread of SimLoop waits for another thread of Python
-LARGEST = 4096  # bytes, largest message with a command
-PAUSE = 0.25  # s, least time between two reports of refused commands
+LARGEST = 4096  # bytes of a command
+PAUSE = 0.25  # s, at least, between two reports of refused commands
 DARK = 8  # grey level of an image without a ball
 
 
@@ -178,14 +178,14 @@ class SimNode(Node):
         self.loop.rate = launcher.rate
 
     def on_command(self, message: Float64MultiArray) -> None:
-        """Give the joint velocities of a command (n,) in rad/s to the drives; count and report a command that they refuse."""
+        """Hand the joint velocities of a command to the drive; count and report a command that the drive refuses."""
         try:
             self.drive.take(message.data, time.monotonic())
         except TtError as error:
             self.on_refused(error)
 
     def on_refused(self, error: TtError) -> None:
-        """Count a refused command, and report it unless the last report was less than PAUSE ago."""
+        """Count a refused command and report it, once in PAUSE at most."""
         self.refused += 1
         if time.monotonic() - self.refusal_told >= PAUSE:
             self.refusal_told = time.monotonic()
@@ -313,12 +313,12 @@ class SimNode(Node):
         self.pixels[side].publish(pixel_to_message(stamped, pixel, f"{WIDE_SIDES[side]}_optical"))
 
     def report_drive(self, is_braking: bool) -> None:
-        """Report that the drives brake, because there is no valid command, or that they follow commands again."""
+        """Report that the drives brake, or that they obey again."""
         self.status.publish("brakes" if is_braking else "follows commands", part="drive", warn=is_braking)
         self.status.terminal.info(SimLine.BRAKES if is_braking else SimLine.FOLLOWS)
 
     def report_record(self, record: ArmRecord) -> None:
-        """Report the extreme values of the true arm since the start."""
+        """Report the worst that the true arm did."""
         text = "bounds kept" if record.kept else "bound broken"
         self.status.publish(text, part="arm record", warn=not record.kept, **record.to_text())
 

@@ -501,7 +501,7 @@ def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[floa
         none at all, or NaN for each of these joints, as ros2_control does. None if the message holds none of these joints.
 
     Raises:
-        BadMessage: Some of the joints are missing or named twice, or numbers are missing or not finite.
+        BadMessage: some of the joints are missing or named twice, or numbers are missing or not finite.
     """
     given = list(message.name)
     if not any(name in names for name in given):

@@ -51,9 +51,9 @@ class Input:
             callback: Called with each message that is accepted.
             qos: Quality of service that is asked for if the publishers offer it. Of a pair, the second is used while all publishers are
                 reliable.
-            largest: Largest size of a serialized message, bytes.
-            refused: Called with the error of each refused message: OutOfRange for its size, BadMessage for broken contents.
-            interval: s. A message that comes earlier than this after the last one is dropped without being read.
+            largest: Bytes of a serialized message, above which it is refused.
+            refused: Takes the error of each message that is not accepted: OutOfRange for its size, BadMessage for broken contents.
+            interval: s. A message that comes sooner than this after the last one is dropped without being read.
         """
         self._node, self._kind, self._callback = node, kind, callback
         self._wanted, self._reliably = qos if isinstance(qos, tuple) else (qos, qos)

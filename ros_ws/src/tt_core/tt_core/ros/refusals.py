@@ -41,7 +41,7 @@ class Refusals:
         The status holds the number of all refusals, and of those since the last report.
 
         Args:
-            error: Why the message is refused. Its class is published as `code`, its text as the message, and its attributes by their names.
+            error: Its class is published as `code`, its sentence as the message, and the values that it carries by their names.
         """
         self.total += 1
         now = time.monotonic()
