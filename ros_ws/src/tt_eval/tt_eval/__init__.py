@@ -1,4 +1,4 @@
-"""Whole rallies without ROS, and their scores.
+"""Simulation of whole rallies without ROS, and evaluation of their results.
 
 The names of `__all__` are imported when they are first used. The function `tt_eval.sweep.sweep` has the name of its module and is imported
 from there.

@@ -1,4 +1,4 @@
-"""Controller and simulated arm, tick by tick."""
+"""Simulation of controller and arm in ticks, steps of fixed duration."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tt_sim.world.plant import Plant
 
 
 class ArmTick(NamedTuple):
-    """The arm at the beginning of a tick.
+    """State of the arm at the beginning of a tick, one step of the simulation, and the controller's reaction.
 
     Attributes:
-        joints: The true ones.
-        step: What the controller makes of the measured ones; its command holds for this tick.
+        joints: True state of the joints.
+        step: Result of the controller for the measured state. Its command is followed during this tick.
     """
 
     joints: Joints
@@ -32,20 +32,20 @@ def arm_ticks(
     rng: np.random.Generator,
     advance: Callable[[Array], Joints] | None = None,
 ) -> Iterator[ArmTick]:
-    """Let the controller move the arm, for as long as the caller iterates.
+    """Simulate the arm under its controller, for as long as the caller iterates.
 
-    The caller may give strokes to the controller after each tick's step; they count from the next step on.
+    The caller may give strokes to the controller after each tick. They take effect from the next tick on.
 
     Args:
         control: The controller.
-        plant: The arm.
-        start: Where it starts; the first step is made there.
-        tick: s.
-        rng: Of the encoders.
-        advance: Obeys a command (n,) rad/s for one tick and returns the joints; None: only the arm moves.
+        plant: The simulated arm.
+        start: State of the joints at the first tick.
+        tick: s, duration of a tick.
+        rng: Random numbers for the encoders.
+        advance: Function that follows a command (n,) in rad/s for one tick and returns the joints; None: only the arm is simulated.
 
     Yields:
-        Joints and step of each tick.
+        State and reaction for each tick.
     """
     joints = start
     while True:

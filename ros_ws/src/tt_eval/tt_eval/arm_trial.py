@@ -1,4 +1,7 @@
-"""Try the arm alone on the strokes of a rally: no images, the ball known exactly, a simulated arm with lag and noise."""
+"""Test of the arm alone on the strokes for one ball: no images, an exactly known ball, a simulated arm with lag and noise.
+
+A stroke is position, orientation and velocity of the racket at one time, which return the ball.
+"""
 
 from __future__ import annotations
 
@@ -28,28 +31,28 @@ TRIAL_TIME = 4.0  # s, given to the stroke and the way back
 
 
 class TrialFailure(Enum):
-    """Why no stroke was made, where the arm has refused none."""
+    """Reason why no stroke was made if the arm has refused none."""
 
     NO_STROKE = "no stroke"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmTrial:
-    """What came of one ball. NaN where no stroke was made.
+    """Result of one ball. Numbers of the stroke are NaN if none was made.
 
     Attributes:
-        strokes: Number of candidates.
-        reason: Why none was made; None when one was.
-        turning: rad/s, of the racket's face at the strike.
+        strokes: Number of candidate strokes.
+        reason: Why no stroke was made; None if one was.
+        turning: rad/s, angular velocity of the racket's face at the strike.
         spare: s, between the earliest possible strike and the strike.
         back: s, from the strike to the waiting posture.
-        miss: m, distance of the racket from its place at the strike.
-        tilt: rad, angle of its normal from the wanted one at the strike.
+        miss: m, distance of the racket from its wanted position at the strike.
+        tilt: rad, angle between its normal and the wanted one at the strike.
         room: rad, least distance of a true joint to its position limit.
-        speed: Largest speed of a true joint, in speed limits.
-        acceleration: rad/s^2, the largest of a true joint.
-        clear: m, least clearance of the true arm.
-        guarded: Names of the codes of the guard's reasons.
+        speed: Largest ratio of a true joint's speed to its speed limit.
+        acceleration: rad/s^2, largest of a true joint.
+        clear: m, least distance of the true arm to table, floor and itself.
+        guarded: Names of the codes of all reasons why a command was not the one that the swing needed.
     """
 
     strokes: int
@@ -67,15 +70,15 @@ class ArmTrial:
 
 
 def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
-    """Return the candidates for a ball that is launched at 0 s at random.
+    """Return the candidate strokes for a ball that is launched at random at the time 0 s.
 
     Args:
-        kind: As of `launch`.
-        scale: As of `launch`.
-        seed: Of the launch.
+        kind: Kind of the shot, as for `tt_sim.world.launcher.launch`.
+        scale: Scale of the shot, as for `launch`.
+        seed: Seed of the launch.
 
     Returns:
-        Rackets, best first; none when the ball does not come within reach.
+        States of the racket, best first; empty if the ball does not come within reach.
 
     Raises:
         BadChoice: There is no such kind.
@@ -89,13 +92,13 @@ def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
 
 
 def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantParams, seed: int) -> ArmTrial:
-    """Plan and make one stroke, tick by tick, until the arm waits again.
+    """Plan and make one stroke in simulated steps, until the arm waits again.
 
     Args:
         model: The arm, as the controller knows it.
-        rackets: Candidates, best first; their times are s after the launch.
-        plant_params: How the true arm differs.
-        seed: Of the encoders.
+        rackets: Candidate strokes, best first; their times are s after the launch.
+        plant_params: Differences of the true arm from a perfect one.
+        seed: Seed of the noise of the encoders.
     """
     control, plant, rng = ArmControl(model), Plant(model, plant_params), np.random.default_rng(seed)
     control.enable(True)

@@ -1,4 +1,4 @@
-"""When the racket meets the ball, from joint states and the followed ball, for those whom nobody tells."""
+"""Detection of the contact of racket and ball from joint states and the tracked ball, for nodes that get no other message of it."""
 
 from __future__ import annotations
 
@@ -11,37 +11,40 @@ from tt_arm.model import ArmModel
 from tt_core.constants import BALL_RADIUS, RACKET_RADIUS
 from tt_core.states import Array, BallState, RacketState
 
-NEAR = 0.3  # m, between ball and racket, from where on the ball is looked at closely
-CLOSING = 0.5  # m/s, of ball and racket towards each other, below which there is no stroke
-SPARE = 0.01  # m, by which the ball may meet the racket outside its rim, because neither is known exactly
+NEAR = 0.3  # m between ball and racket, below which a contact is searched for
+CLOSING = 0.5  # m/s, approach speed of ball and racket below which there is no contact
+SPARE = 0.01  # m outside the rim of the racket within which a contact is assumed, because neither ball nor racket is known exactly
 
 
 class Met(NamedTuple):
-    """The racket as it meets the ball."""
+    """State of the racket when it meets the ball."""
 
-    racket: RacketState
-    turning: Array  # (3,) rad/s, angular velocity
+    racket: RacketState  # time, position, velocity and orientation in `table`
+    turning: Array  # (3,) rad/s, angular velocity in `table`
 
 
 def racket_of(model: ArmModel, joints: Joints) -> Met:
-    """Return the racket at a joint state."""
+    """Return the state of the racket for a state of the joints."""
     position, rotation, jacobian = forward(joints.q.copy(), model.chain)
     velocity, turning = np.split(jacobian @ joints.qdot, 2)
     return Met(RacketState.facing(joints.time, position, velocity, rotation[:, 2]), turning)
 
 
 def is_near(racket: RacketState, ball: BallState) -> bool:
-    """Return whether a ball, carried straight on to the time of the racket, is so near that it should be looked at closely."""
+    """Tell whether the ball is nearer than NEAR to the racket at the time of the racket, if it flies straight on until then."""
     place = ball.position + (racket.time - ball.time) * ball.velocity
     return bool(np.linalg.norm(place - racket.position) < NEAR)
 
 
 def time_to_contact(racket: RacketState, ball: BallState) -> float:
-    """Return the time (s) until the ball meets the face, negative after it; inf if it passes beside or does not come closer.
+    """Return the time (s) until the ball meets the racket's face, if both move straight on.
 
     Args:
         racket: The racket.
-        ball: At the same time.
+        ball: The ball at the same time.
+
+    Returns:
+        The time; negative if the contact was before; inf if the ball passes beside the racket or does not approach it.
     """
     offset, towards, normal = ball.position - racket.position, ball.velocity - racket.velocity, racket.normal
     if towards @ normal > 0.0:

@@ -1,8 +1,11 @@
-"""Balls from launch to landing without ROS: what the nodes do, by the same functions in the same order, deterministic by seed.
+"""Simulation of balls from launch to landing without ROS: the same functions as in the nodes, in the same order, deterministic by seed.
 
-With images the ball is measured from them; without, the sensor error model gives the measured ball. `fast_swing` plays a swing in one
-call; where the guard or a torque limit would act, the ticks are played one by one. At a rate, one arm plays a session of balls tick by
-tick, and meets each from where the ones before have left it.
+With images the ball is measured from them; without, the sensor error model gives the measured ball. `fast_swing` simulates a swing in one
+call. If the guard or a torque limit would act, the ticks, steps of fixed duration, are simulated one by one. If balls are launched at a
+rate, one arm plays a session of balls in ticks; after each ball it starts from where it is then.
+
+A stroke is position, orientation and velocity of the racket at one time, which return the ball; a swing is the joint motion that makes a
+stroke; a path is the predicted flight of the ball.
 """
 
 from __future__ import annotations
@@ -66,19 +69,19 @@ TEXTURES = 20  # balls that are marked differently
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What is drawn at random before anything is played.
+    """One ball of a scenario: all that is drawn at random before the simulation.
 
     Attributes:
-        scenario: What is played.
+        scenario: The scenario.
         seed: Number of the ball.
-        kind: Of the launcher, or the scenario's `shots`.
-        scale: Of the launcher, or 0.
-        ball: At its launch.
-        orientation: (3, 3) ball to `table` then.
-        physics: Of this ball.
-        cameras: Where they stand; the robot knows it exactly.
+        kind: Kind of the launcher's shot, or the scenario's `shots`.
+        scale: Scale of the launcher's shot, or 0.
+        ball: The ball at its launch.
+        orientation: (3, 3) from the ball's frame to `table` at the launch.
+        physics: True physics of this ball.
+        cameras: The high-speed cameras; the robot knows their poses exactly.
         lamps: The light. Cameras that follow the opponent's shots carry the lamps with them.
-        rng: Of all that is drawn later.
+        rng: Random numbers for all that is drawn later.
     """
 
     scenario: Scenario
@@ -94,12 +97,12 @@ class Trial:
 
     @classmethod
     def drawn(cls, scenario: Scenario, seed: int, time: float = 0.0) -> Trial:
-        """Draw a ball.
+        """Draw a ball at random.
 
         Args:
-            scenario: What is played.
+            scenario: The scenario.
             seed: Number of the ball.
-            time: s, of the launch.
+            time: s, time of the launch.
 
         Raises:
             NoShots: The scenario wants shots of real play, and there are none.
@@ -125,7 +128,12 @@ class Trial:
         return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, lamps, rng)
 
     def seen(self) -> tuple[Measurement | None, BallState | None]:
-        """Render and measure the ball; return the measurement, None without a burst, and the measured ball, None if it is refused."""
+        """Render and measure the ball.
+
+        Returns:
+            The measurement, or None if the cameras did not see enough of the ball; and the measured ball, or None if the measurement
+            failed.
+        """
         scene, assembler = Scene(texture=_texture(self.seed % TEXTURES), lamps=self.lamps), Assembler()
         frames = camera_sequence(self.ball, self.orientation, self.cameras, scene, self.physics, self.rng)
         for side, stamp, image in arrivals(frames, self.scenario.world.cameras, self.rng):
@@ -136,7 +144,7 @@ class Trial:
         return None, None
 
     def guessed(self) -> BallState | None:
-        """Return the measured ball by the sensor error model of the world; None if it would not be measured."""
+        """Return the ball as it would be measured according to the sensor error model of the world; None if it would not be measured."""
         world, time = self.scenario.world, last_frame(self.ball, self.cameras, self.physics, lamps=self.lamps)
         model = SensorErrorModel.load(world.sensor_error_model)
         if time is None or self.rng.uniform() < model.refused:
@@ -147,19 +155,20 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """Everything that happened to one ball, as far as it came; None for stages that were not reached.
+    """All that happened to one ball, stage by stage. Attributes are None for stages that were not reached.
 
     Attributes:
-        trial: What was drawn before.
-        outcome: What became of the ball.
-        goal: What was asked of the return.
-        measurement: Of rendered images.
+        trial: The ball, and what was drawn before.
+        outcome: True result of the ball.
+        goal: Landing place, flight time and spin that the return was to have.
+        measurement: Measurement from rendered images.
         measured: The ball as the robot has measured it.
-        path: As the robot has predicted it.
-        candidates: Strokes.
-        selection: What the arm made of them.
-        joints: (n, 1 + 2 joints) time (s), q (rad or m) and qdot of every tick; at a rate, from the ball's launch on.
-        answers: States of the ball until the strike, with path and strokes that followed from them; empty without feedback.
+        path: Its flight as the robot has predicted it.
+        candidates: Strokes that the robot has found.
+        selection: The stroke and swing that the arm has selected.
+        joints: (n, 1 + 2 joints) time (s), positions (rad or m) and speeds (rad/s or m/s) of each tick; at a rate, from the ball's launch
+            on.
+        answers: States of the ball until the strike, with the path and strokes that followed from each; empty without feedback.
     """
 
     trial: Trial
@@ -175,7 +184,7 @@ class Episode:
 
     @functools.cached_property
     def sightings(self) -> Sightings:
-        """What two wide cameras saw of the ball."""
+        """Pixels at which the two wide cameras saw the ball."""
         trial = self.trial
         return Sightings.of(
             self.outcome, trial.physics.air.coefficients, trial.scenario.world.tracking_cameras, np.random.default_rng([trial.seed, 1])
@@ -183,12 +192,15 @@ class Episode:
 
     @functools.cached_property
     def judged(self) -> Outcome:
-        """What became of the ball by those cameras alone; their evaluator knows the mean air of this world, not that of this ball."""
+        """Result of the ball according to these cameras alone.
+
+        The evaluation knows the mean coefficients of the air in this world, but not those of this ball.
+        """
         return score_from_video(self.sightings, self.trial.scenario.world.physics.air.coefficients)
 
     @property
     def reason(self) -> Failure | None:
-        """Why the ball did not come back, from the first stage that failed; None when it landed on the opponent's half."""
+        """Why the ball was not returned, according to the first stage that failed; None if it landed on the opponent's half."""
         if self.outcome.result is Result.RETURNED:
             return None
         if self.measured is None and not self.answers:
@@ -204,16 +216,16 @@ class Episode:
 
     @property
     def miss(self) -> Miss | None:
-        """The kind of failure; None when the ball came back."""
+        """Kind of the failure to return the ball; None if it was returned."""
         return self._miss(self.outcome)
 
     @property
     def judged_miss(self) -> Miss | None:
-        """The kind of failure by the wide cameras, and by what the robot reports."""
+        """Kind of the failure to return the ball according to the wide cameras and to the robot's reports; None if it was returned."""
         return self._miss(self.judged)
 
     def _miss(self, outcome: Outcome) -> Miss | None:
-        """Return the kind of failure of this episode if the ball had that outcome."""
+        """Return the kind of failure of this episode if the ball had the given result."""
         if outcome.result is Result.RETURNED:
             return None
         if self.measured is None and not self.answers:
@@ -229,7 +241,7 @@ class Episode:
         return self._beyond(outcome) if outcome.result is Result.OFF_TABLE else OF_RESULT[outcome.result]
 
     def _beyond(self, outcome: Outcome) -> Miss:
-        """Return LONG or WIDE, by where a ball that passed the table fell to its height."""
+        """Return LONG or WIDE, depending on where a ball that flew past the table fell to the table's height."""
         landing = outcome.landing
         if landing is None:
             return Miss.LONG
@@ -283,7 +295,20 @@ def _aimed(ball: BallState) -> tuple[tuple[Camera, ...], Lamps]:
 
 
 def answered(path: BallPath, goal: ReturnGoal, robot: Robot, params: InterceptParams) -> Candidates:
-    """Return the strokes of a robot: those of `tt_racket.intercept`, or a baseline's at the same points of the path, slow rackets first."""
+    """Find the strokes for a path by the robot's method.
+
+    The method is that of `tt_racket.intercept`, or a baseline's at the same points of the path; the baseline's strokes with slow rackets
+    come first.
+
+    Args:
+        path: Predicted flight of the ball.
+        goal: Landing place, flight time and spin of the return.
+        robot: Models and methods.
+        params: Region in which strokes are searched for.
+
+    Returns:
+        The strokes, best first, and why other points have none.
+    """
     if robot.stroke == "exact":
         return intercept(path, goal, robot.physics, params)
     found, refused = list[Stroke](), list[tuple[BallState, Failure]]()
@@ -305,10 +330,10 @@ def answered(path: BallPath, goal: ReturnGoal, robot: Robot, params: InterceptPa
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What the robot plans for a ball before the arm plans its swing; fields as those of Episode.
+    """What the robot plans for a ball before the arm plans its swing. The other fields are those of Episode.
 
     Attributes:
-        due: s, when the strokes are at the arm, or with feedback could be; inf for a ball that was not measured.
+        due: s, when the strokes arrive at the arm, or with feedback could arrive; inf for a ball that was not measured.
     """
 
     measurement: Measurement | None = None
@@ -320,7 +345,7 @@ class Plan:
 
     @classmethod
     def of(cls, trial: Trial) -> Plan:
-        """Measure, predict and solve for the strokes."""
+        """Measure a ball, predict its flight and find strokes. With feedback the ball is only measured."""
         scenario, robot, cameras = trial.scenario, trial.scenario.robot, trial.scenario.world.cameras
         measurement, measured = trial.seen() if scenario.images else (None, trial.guessed())
         if measured is None:
@@ -335,16 +360,16 @@ class Plan:
 
     @property
     def rackets(self) -> list[RacketState]:
-        """The rackets of the strokes, best first."""
+        """The states of the racket of the strokes, best first."""
         return [stroke.racket for stroke in self.candidates.strokes if stroke.racket] if self.candidates else []
 
 
 def play(scenario: Scenario, seed: int) -> Episode:
-    """Play one ball from launch to landing; at a rate, the whole session that it belongs to.
+    """Simulate one ball from launch to landing; at a rate, the whole session that it belongs to.
 
     Args:
-        scenario: What is played.
-        seed: Number of the ball; the same seed gives the same episode.
+        scenario: The scenario.
+        seed: Number of the ball. The same seed gives the same episode.
 
     Raises:
         NoShots: The scenario wants shots of real play, and there are none.
@@ -355,10 +380,14 @@ def play(scenario: Scenario, seed: int) -> Episode:
 
 
 def session(scenario: Scenario, number: int) -> list[Episode]:
-    """Play the balls of one session; number: counts sessions from 0.
+    """Simulate the balls of one session.
 
-    They are launched at the scenario's rate and met by one arm, or without a rate one by one by an arm that waits. What a robot has learnt
-    it keeps until the session ends.
+    They are launched at the scenario's rate and returned by one arm. Without a rate they are simulated one by one, and the arm waits for
+    each. A robot that learns keeps what it has learnt until the session ends.
+
+    Args:
+        scenario: The scenario.
+        number: Number of the session, from 0.
     """
     first, rate, learner = number * scenario.balls, scenario.launcher.rate, PhysicsLearner(scenario.robot.physics)
     if not rate:
@@ -399,7 +428,7 @@ Played = tuple[Outcome, "StrokeSelection | None", Array]
 
 
 def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Played | None:
-    """Play the ball with the swing in one call; None when the ticks must be played."""
+    """Simulate a ball with its swing in one call; None if the ticks must be simulated one by one."""
     tick, selection, time = trial.scenario.tick, None, 0.0
     if plan.candidates is not None and plan.due < EPISODE_TIME:
         time = tick * np.ceil(plan.due / tick)
@@ -463,16 +492,23 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearne
 
 
 class FollowedSession:
-    """Wide cameras, follower and arm together, ball after ball.
+    """Wide cameras, tracker and arm of a session, ball after ball; the robot's swings follow the tracked ball.
 
     Attributes:
-        plans: For each ball; what the arm has made a swing for last, or been given last.
-        choices: What the arm has made of it, by ball.
-        answers: See `Episode`, for each ball.
+        plans: For each ball, the plan for which the arm has made a swing last, or which it was given last.
+        choices: The arm's selections for these plans, by number of the ball.
+        answers: For each ball the `answers` of its Episode.
     """
 
     def __init__(self, trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, control: ArmControl) -> None:
-        """Begin before the first launch; arguments as of `_tick_by_tick`."""
+        """Start before the first launch.
+
+        Args:
+            trials: The balls.
+            plans: Plan for each ball.
+            learner: Learner of the coefficients of air, table and rubber.
+            control: Controller of the arm.
+        """
         self._trials, self._learner, self._control = trials, learner, control
         scenario, first = trials[0].scenario, trials[0].seed
         self._latency = scenario.robot.reaction
@@ -485,7 +521,7 @@ class FollowedSession:
         self.answers = list[tuple[Answer, ...]]([()] * len(trials))
 
     def next_ball(self) -> None:
-        """Follow the ball that is launched now."""
+        """Stop tracking the ball before, and start to track the ball that is launched now."""
         if self._ball >= 0:
             self.finish()
             self._follower = Follower(self._trials[0].scenario, self._learner)
@@ -495,11 +531,11 @@ class FollowedSession:
             self._follower.measure(plan.measured, plan.due - self._latency)
 
     def look(self, tick: Tick) -> None:
-        """Let the cameras see what was true during a tick."""
+        """Add what the wide cameras see during a tick, one step of the simulation."""
         self._follower.see(self._cameras.frames(tick))
 
     def act(self, now: float) -> None:
-        """Give the arm the strokes that are due at a time (s), and see whether it has struck."""
+        """Give the arm the strokes that are due at time `now` (s), and note the strike when its time has come."""
         answer, i = self._follower.answer(now), self._ball
         if answer is not None and answer.rackets:
             selection = self._control.take(answer.rackets)
@@ -516,13 +552,13 @@ class FollowedSession:
             self._follower.strike(RacketState.facing(joints.time, position, velocity, rotation[:, 2]), turning)
 
     def finish(self) -> None:
-        """Learn from the ball that was followed last, and keep its answers."""
+        """Learn from the ball that was tracked last, and store its answers."""
         self.answers[self._ball] = tuple(self._follower.answers)
         self._follower.finish()
 
 
 def landing_error(episode: Episode) -> float | None:
-    """Return the distance (m) from the asked landing place to the reached one; None when the ball did not land on the table."""
+    """Return the horizontal distance (m) of the true landing place from the wanted one; None if the return did not land on the table."""
     landing, goal = episode.outcome.landing, episode.goal
     if landing is None or goal is None or landing.surface is not Surface.TABLE:
         return None
@@ -530,13 +566,21 @@ def landing_error(episode: Episode) -> float | None:
 
 
 def truth(episode: Episode, stamp: float) -> Array:
-    """Return the true ball (9,) at a stamp (s) of its cameras, while it is in their view."""
+    """Return the true state of the launched ball, while it is in the view of the high-speed cameras.
+
+    Args:
+        episode: The ball.
+        stamp: s, by the clock of these cameras.
+
+    Returns:
+        (9,) position (m), velocity (m/s), spin (rad/s).
+    """
     trial, time = episode.trial, stamp - episode.trial.scenario.world.cameras.clock_offset
     return np.asarray(fly(trial.ball.vector, time - trial.ball.time, trial.physics.air.coefficients))
 
 
 def spin_error(episode: Episode) -> float | None:
-    """Return the length (rad/s) of the difference of measured and true spin at the same instant; None without a measurement."""
+    """Return the norm of measured minus true spin at the time of the measurement, rad/s; None without a measurement."""
     if episode.measured is None:
         return None
     return float(np.linalg.norm(truth(episode, episode.measured.time)[6:] - episode.measured.spin))

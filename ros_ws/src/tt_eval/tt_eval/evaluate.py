@@ -37,16 +37,16 @@ ROBOT = (
     "its axis within 15 deg, %", "arm waits again after, s: 95 %",
 )  # fmt: skip
 AXIS = 14.07  # deg, acos 0.97: the dissertation's 15 deg (Section 2.5.1)
-SHOWN = 2000  # balls of a sweep whose dots are drawn; browsers show few figures that use the graphics card
+SHOWN = 2000  # balls of a sweep that are drawn as dots; browsers show few figures that use the graphics card
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """The rows of a sweep.
+    """Results of a sweep, the simulation of many balls of one scenario.
 
     Attributes:
-        name: Of the scenario.
-        numbers: By column of NUMBERS.
+        name: Name of the scenario.
+        numbers: (n,) values of all balls for each column of NUMBERS.
         misses: Why each ball did not come back, in truth; None for a return.
         judged: The same by the wide cameras.
         limits: What kept the arm from the best stroke for each ball, code and joint, see `sweep_metrics.limit`.
@@ -79,13 +79,13 @@ class Sweep:
 
 
 def percentiles(values: Array, scale: float = 1.0) -> tuple[float, float]:
-    """Return median and 95 % percentile of the absolute values that are finite, times `scale`; NaN without any."""
+    """Return median and 95 % percentile of the absolute values that are finite, multiplied by `scale`; NaN if no value is finite."""
     there = np.abs(values[np.isfinite(values)]) * scale
     return (float(np.median(there)), float(np.percentile(there, 95))) if len(there) else (float("nan"), float("nan"))
 
 
 def why(misses: Sequence[Miss | None]) -> dict[Miss, int]:
-    """Return how often each kind of miss occurs, the most frequent first."""
+    """Count how often each kind of failure to return a ball occurs, the most frequent first."""
     counts = {miss: list(misses).count(miss) for miss in Miss}
     return {miss: n for miss, n in sorted(counts.items(), key=lambda item: -item[1]) if n}
 
@@ -95,7 +95,13 @@ def _cell(value: float, digits: int = 1) -> str:
 
 
 def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str = "") -> list[str]:
-    """Return the cells of RETURNS; who: "" for the truth, "judged_" for what the wide cameras show."""
+    """Return a column of the table of returns: the cells for the rows RETURNS.
+
+    Args:
+        numbers: Values of all balls, by column of NUMBERS.
+        misses: Kind of failure for each ball; None for a return.
+        who: "" for the truth, "judged_" for what the wide cameras show.
+    """
     asked = np.isfinite(numbers["asked_x"]).any()  # a sweep of the measurement alone asks for no return
     shares = [100.0 * float(numbers[f"{who}{name}"].mean()) if asked else float("nan") for name in ("hit", "landed")]
     errors = (("landing_error", 100.0), ("time_error", 1e3), ("return_spin_error", 1.0))
@@ -104,7 +110,11 @@ def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str =
 
 
 def judge_errors(sweep: Sweep) -> list[str]:
-    """Return the cells of JUDGE: judged minus true, mean and standard deviation over the balls that came back in both."""
+    """Return a column of the table of the judge's errors: the cells for the rows JUDGE.
+
+    The judge is the evaluation by the wide cameras. Its errors are judged minus true values, given as mean and standard deviation over the
+    balls that were returned in both.
+    """
     cells = []
     for name, scale in (("landing_x", 1e3), ("landing_y", 1e3), ("flight_time", 1e3), ("spin_y", 1.0), ("spin_z", 1.0)):
         off = scale * (sweep.numbers[f"judged_{name}"] - sweep.numbers[name])
@@ -114,7 +124,7 @@ def judge_errors(sweep: Sweep) -> list[str]:
 
 
 def robot(numbers: dict[str, Array]) -> list[str]:
-    """Return the cells of ROBOT."""
+    """Return a column of the table of measurement and arm: the cells for the rows ROBOT. `numbers` are by column of NUMBERS."""
     seen = numbers["seen"] == 1.0
     speed, axis = np.abs(numbers["measured_speed_error_rpm"][seen]) < 200.0, numbers["measured_axis_error_deg"][seen] < AXIS
     shares = [100.0 * float(np.mean(right)) if len(right) else float("nan") for right in (speed, axis)]
@@ -123,7 +133,7 @@ def robot(numbers: dict[str, Array]) -> list[str]:
 
 
 def tables(sweeps: Sequence[Sweep]) -> list[Table]:
-    """Return the tables, with one or two columns for each sweep."""
+    """Return the tables of all sweeps, with one or two columns for each sweep."""
     heads = [head for sweep in sweeps for head in (sweep.name, "as judged")]
     cells = [c for s in sweeps for c in (returns(s.numbers, s.misses), returns(s.numbers, s.judged, "judged_"))]
     names = ("", *(sweep.name for sweep in sweeps))
@@ -135,14 +145,14 @@ def tables(sweeps: Sequence[Sweep]) -> list[Table]:
 
 
 def _field(figure: go.Figure, height: float | None = None) -> None:
-    """Draw the table and its net from above, or from the side with a net of `height` (m)."""
+    """Draw the table and its net from above, or from the side if the `height` (m) of the net is given."""
     low, high = (0.0, TABLE_WIDTH) if height is None else (0.0, height)
     figure.add_shape(type="rect", x0=0, x1=TABLE_LENGTH, y0=low, y1=high if height is None else 0.0, line={"color": BLUE})
     figure.add_shape(type="line", x0=NET_X, x1=NET_X, y0=low, y1=high, line={"color": GREY})
 
 
 def _dots(x: Array, y: Array, title: str, x_title: str, y_title: str) -> go.Figure:
-    """Draw a dot for each ball."""
+    """Return a figure with a dot for each ball."""
     marker = {"size": 4, "color": BLUE, "opacity": 0.4}
     figure = go.Figure().add_scatter(x=_short(x), y=_short(y), mode="markers", marker=marker)
     figure.update_xaxes(title_text=x_title).update_yaxes(title_text=y_title)
@@ -155,7 +165,7 @@ def _short(values: Array) -> Array:
 
 
 def scatter(numbers: dict[str, Array]) -> go.Figure:
-    """Draw where returns land on the table, in truth and as judged, and over them where they were asked to."""
+    """Return a figure of the places where returns land on the table, true and judged, with the wanted places over them."""
     figure = go.Figure()
     _field(figure)
     for name, who, colour in (("true", "", BLUE), ("judged", "judged_", ORANGE)):
@@ -172,7 +182,7 @@ def scatter(numbers: dict[str, Array]) -> go.Figure:
 
 
 def causes(numbers: dict[str, Array]) -> list[go.Figure]:
-    """Draw the errors of landing and measured spin against spin and speed of the launched ball."""
+    """Return figures of the errors of landing and measured spin against spin and speed of the launched ball."""
     errors = (("landing_error", 100.0, "landing off, cm"), ("measured_spin_error_rpm", 1.0, "measured spin off, rpm"))
     return [
         _dots(numbers[cause], scale * numbers[error], f"{name.capitalize()}, against {title}", f"{title} of the launched ball", name)
@@ -183,7 +193,7 @@ def causes(numbers: dict[str, Array]) -> list[go.Figure]:
 
 
 def judged_off(numbers: dict[str, Array]) -> list[go.Figure]:
-    """Draw the judge's own error, ball by ball: landing place, flight time, spin."""
+    """Return figures of the errors of the evaluation by the wide cameras, ball by ball: landing place, flight time, spin."""
     off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
     begin = "The judge's own error: judged minus true "
     times = go.Figure().add_histogram(x=_short(1e3 * off["flight_time"]), marker_color=BLUE)
@@ -196,7 +206,7 @@ def judged_off(numbers: dict[str, Array]) -> list[go.Figure]:
 
 
 def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.Figure:
-    """Draw how often balls were missed for each reason, in truth and as judged."""
+    """Return a figure that shows how often balls were not returned for each reason, true and judged."""
     true, judged_counts = why(misses), why(judged)
     names = [*true, *(name for name in judged_counts if name not in true)]
     figure = go.Figure()
@@ -209,9 +219,9 @@ def reasons(misses: Sequence[Miss | None], judged: Sequence[Miss | None]) -> go.
 
 
 def one_ball(episode: Episode) -> list[go.Figure]:
-    """Draw one ball as dissertation Figures 4.7 to 4.10 do: from the side, from above, and the return over time.
+    """Return figures of one ball like dissertation Figures 4.7 to 4.10: from the side, from above, and the return over time.
 
-    Dots are where the wide cameras saw it, lines are the fitted flights; what was asked is grey in place and green in time.
+    Dots are positions that the wide cameras saw, lines are the fitted flights. The wanted place is grey, the wanted time green.
     """
     seen = np.column_stack([episode.sightings.times, triangulate(believed(), episode.sightings.pixels)])
     judged, goal, air = episode.judged, episode.goal, episode.trial.scenario.world.physics.air.coefficients
@@ -245,7 +255,16 @@ def one_ball(episode: Episode) -> list[go.Figure]:
 
 
 def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
-    """Return (n, 4) time (s) and place (m) of a ball from launch to landing, every `step` s and at contacts; air: coefficients."""
+    """Return the positions of a ball from launch to landing.
+
+    Args:
+        outcome: Flight of the ball.
+        air: (8,) coefficients of the air, `Aerodynamics.coefficients`.
+        step: s, between two positions; those at contacts are added.
+
+    Returns:
+        (n, 4) time (s) and position (m) in `table`.
+    """
     start = outcome.launched.time
     end = outcome.landing.before.time if outcome.landing else outcome.followed_until(start + 1.0)
     contacts = [contact.before.time for contact in outcome.contacts if contact.before.time < end]
@@ -254,7 +273,7 @@ def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
 
 
 def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
-    """Return tables and figures of sweeps, and one ball, as an HTML page."""
+    """Return an HTML page with tables and figures of sweeps, and with figures of one ball if it is given."""
     sections = [Section("", tables=tables(sweeps))]
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
@@ -268,7 +287,7 @@ def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
 
 
 def verdict(sweep: Sweep) -> str:
-    """Say in a sentence what became of the balls of a sweep."""
+    """Return a sentence that summarizes the results of a sweep."""
     count = len(sweep.misses)
     if not np.isfinite(sweep.numbers["asked_x"]).any():
         seen = 100.0 * float(sweep.numbers["seen"].mean())
@@ -280,7 +299,7 @@ def verdict(sweep: Sweep) -> str:
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command evaluate."""
     parser = argparse.ArgumentParser(prog="evaluate", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+", help="of `ros2 run tt_eval sweep`")
     parser.add_argument("--page", type=Path, metavar="FILE", help="figures, as HTML")

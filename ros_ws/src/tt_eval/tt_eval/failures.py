@@ -1,4 +1,4 @@
-"""Why a ball was not returned, stage by stage."""
+"""Reasons why a ball was not returned, one for each stage from the images to the return."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tt_core.failures import Failure
 
 
 class EpisodeFailure(Enum):
-    """Codes of `tt_core.failures.Failure`, one for each stage; their values hold the failures of the stage itself."""
+    """Codes of `tt_core.failures.Failure`, one for each stage. Their values contain the failures of the stage itself."""
 
     NOT_SEEN = "not seen"  # no burst of images
     MEASUREMENT_REFUSED = "measurement refused: {cause}"
@@ -19,10 +19,10 @@ class EpisodeFailure(Enum):
 
 
 class Causes(tuple[Failure, ...]):
-    """Several failures of one stage; as text each sentence once."""
+    """Several failures of one stage. Its text contains each sentence once."""
 
     __slots__ = ()
 
     def __str__(self) -> str:
-        """Return the messages of the failures in alphabetical order, each once, separated by semicolons."""
+        """Return the sentences of the failures in alphabetical order, each once, separated by semicolons."""
         return "; ".join(sorted({str(failure) for failure in self}))

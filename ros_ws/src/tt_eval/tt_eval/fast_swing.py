@@ -1,8 +1,9 @@
-"""One swing of the arm and the ball that meets it, in one call: what `SimulatedRobot` and `ArmControl` do tick by tick.
+"""Fast simulation of one swing, the joint motion that makes a stroke, and of the ball that meets the racket.
 
-Servo, guard and plant are the kernels that they use, with the parameters of that arm's controller. If the guard or a torque limit would
-act, the result is None and the ticks must be played. The guard's look at what is near is left out: a swing is planned with more clearance
-than the guard keeps, which is checked here.
+One call does what `SimulatedRobot` and `ArmControl` do in ticks, steps of fixed duration. Servo, guard and plant are the kernels that they
+use, with the parameters of the given controller. If the guard or a torque limit would act, the result is None and the ticks must be
+simulated one by one. The guard's check of clearance is left out: a swing is planned with more clearance than the guard keeps, which is
+checked here.
 """
 
 from __future__ import annotations
@@ -26,52 +27,52 @@ from tt_sim.world.plant import Plant, advance_joints
 from tt_sim.world.true_ball import CONTACT_LOG, Coefficients, Contact, contacts_from, travel
 
 MOST_CONTACTS = 8  # more than a ball has from launch to landing
-AFTER_STRIKE = 0.06  # s that the swing is followed on
+AFTER_STRIKE = 0.06  # s after the strike, for which the swing is simulated
 
 
 class Controller(NamedTuple):
-    """Servo and guard, as kernels take them."""
+    """Parameters of servo and guard, as compiled functions take them."""
 
-    lead: float  # s, by which the path is read ahead
-    gain: float  # 1/s, of the position error
-    lost: float  # rad, distance from the path at which it is given up
+    lead: float  # s, time by which the path's speed is read in advance
+    gain: float  # 1/s, gain of the position error
+    lost: float  # rad, distance of a joint from its path at which the swing is given up
     hold: float  # s, for which a drive may hold a command
     speed: Array  # (n,) rad/s, limits of the servo
     guard: JointBounds  # limits of commands
-    braking: Array  # (n,) rad/s^2
+    braking: Array  # (n,) rad/s^2, deceleration that the guard counts on
 
 
 class Drives(NamedTuple):
-    """The simulated arm, as kernels take it."""
+    """Parameters of the simulated arm, as compiled functions take them."""
 
     limits: JointBounds
-    lag: float  # s
+    lag: float  # s, time constant of the velocity controllers
     q_step: float  # rad, resolution of the encoders; 0: exact
-    noise: Array  # (ticks, n) of the measured positions
+    noise: Array  # (ticks, n) rad, errors of the measured positions
 
 
 class Followed(NamedTuple):
-    """The path to follow, and from when on."""
+    """Path of the joints to be followed, and the time at which it starts."""
 
     start: float  # s; inf to stay at rest
-    knots: Array  # (joints, n) s since the start, see `profiles`
-    coefficients: Array  # (joints, n, 6)
+    knots: Array  # (joints, n) s since the start, see `tt_arm.trajectory.profiles`
+    coefficients: Array  # (joints, n, 6) of the polynomials between them
 
 
 class Setup(NamedTuple):
-    """What a ball is played with."""
+    """Physics and arm with which a ball is simulated."""
 
     physics: Physics  # true for this ball
     plant: Plant  # the simulated arm
     control: ArmControl  # its controller
-    tick: float  # s
+    tick: float  # s, step of the simulation
 
 
 class Record(NamedTuple):
-    """What is filled, a row for each tick."""
+    """Arrays with the motion of arm and racket, a row for each tick."""
 
-    joints: Array  # (ticks, 1 + 2 n) time s, q rad or m, qdot
-    rackets: Array  # (ticks, 12) position, normal, velocity, angular velocity
+    joints: Array  # (ticks, 1 + 2 n) time (s), positions (rad or m), speeds (rad/s or m/s)
+    rackets: Array  # (ticks, 12) position (m), normal, velocity (m/s), angular velocity (rad/s)
 
 
 @njit(cache=True)
@@ -144,18 +145,18 @@ def _controller(control: ArmControl) -> Controller:
 def rally(
     ball: BallState, swing: Swing | None, time: float, setup: Setup, longest: float, rng: np.random.Generator
 ) -> tuple[list[Contact], Array] | None:
-    """Play a ball against an arm that waits until `time` and then makes the swing.
+    """Simulate a ball against an arm that waits until a given time and then makes a swing.
 
     Args:
-        ball: As launched.
-        swing: What the arm does; None to wait on.
-        time: s.
+        ball: The ball at its launch.
+        swing: Motion of the arm; None if it keeps waiting.
+        time: s, start of the swing.
         setup: Physics, arm and controller.
-        longest: s, until when the ball is followed.
-        rng: Of the encoders.
+        longest: s, time until which the ball is simulated.
+        rng: Random numbers for the encoders.
 
     Returns:
-        Contacts of the ball, and joints as of `Episode`; None when the guard or the motors would act.
+        Contacts of the ball, and the motion of the joints as in `Episode`; None if the guard or a torque limit would act.
     """
     physics, plant, control, tick = setup
     params, model = plant.params, plant.model

@@ -1,7 +1,8 @@
-"""What track_node, predict_node and racket_node do while the wide cameras follow a ball, by the same functions, each result when it is due.
+"""Simulation of track_node, predict_node and racket_node while the wide cameras see a ball, with the same functions and with delays.
 
-Pixels and the measured ball go into the tracker when they arrive; from each of its states, `Robot.interval` apart, come path and strokes.
-After the strike the return is followed, and flight and return are given to the learner.
+Pixels and the measured ball are given to the tracker when they arrive. From its states, at least `Robot.interval` apart, path (the
+predicted flight) and strokes (racket states that return the ball) are computed. After the strike the return is tracked, and flight and
+return are given to the learner.
 """
 
 from __future__ import annotations
@@ -30,19 +31,19 @@ from tt_vision.tracking import Tracker, TrackerParams
 from .lesson import Lesson
 from .scenario import Scenario
 
-KNOWN_SPIN = 1.0  # rad/s, standard deviation of the spin for a robot that takes it as none
+KNOWN_SPIN = 1.0  # rad/s, standard deviation of the spin for a robot that assumes no spin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What follows from one state of the ball.
+    """What the robot computes from one state of the ball.
 
     Attributes:
-        state: Of the tracker.
-        path: Predicted from there.
-        goal: Of the return.
+        state: State of the ball from the tracker.
+        path: Flight predicted from it.
+        goal: Goal of the return.
         candidates: Strokes.
-        due: s, when the strokes are at the arm.
+        due: s, when the strokes arrive at the arm.
     """
 
     state: BallState
@@ -53,7 +54,7 @@ class Answer:
 
     @property
     def rackets(self) -> list[RacketState]:
-        """The rackets of the strokes, best first."""
+        """The states of the racket of the strokes, best first."""
         return [stroke.racket for stroke in self.candidates.strokes if stroke.racket]
 
 
@@ -63,18 +64,18 @@ def _cameras() -> tuple[Camera, Camera]:
 
 
 class Follower:
-    """The robot's view of one ball from the first pixel to the end of its return.
+    """The robot's tracker, prediction and strokes for one ball, from the first pixel to the end of its return.
 
     Attributes:
-        answers: What was derived from states of the ball before the strike, in order of time.
+        answers: What was computed from states of the ball before the strike, in the order of time.
     """
 
     def __init__(self, scenario: Scenario, learner: PhysicsLearner) -> None:
-        """Begin without a ball.
+        """Start without a ball.
 
         Args:
-            scenario: Whose robot it is.
-            learner: What the robot knows of the coefficients; learns if the robot does.
+            scenario: Scenario with the robot's models and methods.
+            learner: What the robot knows of the coefficients of air, table and rubber. It learns if the robot does.
         """
         self._scenario = scenario
         params = TrackerParams(camera_bias=WIDE_BIAS, clock_spread=CLOCK_SPREAD)
@@ -91,7 +92,12 @@ class Follower:
         self.answers = list[Answer]()
 
     def measure(self, ball: BallState, arrival: float) -> None:
-        """Take the ball that the fast cameras have measured, which arrives at a time (s)."""
+        """Add the ball that the high-speed cameras have measured.
+
+        Args:
+            ball: The measured ball.
+            arrival: s, when it arrives at the tracker.
+        """
         if self._scenario.robot.spin == "ignored":
             covariance = np.zeros((9, 9)) if ball.covariance is None else ball.covariance.copy()
             covariance[6:], covariance[:, 6:] = 0.0, 0.0
@@ -100,12 +106,19 @@ class Follower:
         heappush(self._inbox, (arrival, next(self._order), ball))
 
     def see(self, pixels: list[TrackedPixel]) -> None:
-        """Take pixels, each of which arrives at its time."""
+        """Add pixels of the wide cameras, each of which arrives at the tracker at its own time."""
         for one in pixels:
             heappush(self._inbox, (one.arrival, next(self._order), one))
 
     def answer(self, now: float) -> Answer | None:
-        """Return the strokes that come to the arm at a time (s), since the last call; None without new ones."""
+        """Process what has arrived until a time, and return the strokes that are at the arm then.
+
+        Args:
+            now: s.
+
+        Returns:
+            The newest strokes that were not returned before; None if there are none.
+        """
         news = False
         while self._inbox and self._inbox[0][0] <= now:
             item = heappop(self._inbox)[2]
@@ -123,18 +136,23 @@ class Follower:
         return answer
 
     def strike(self, racket: RacketState, turning: Array) -> None:
-        """Take where the racket was at the strike; turning: (3,) rad/s, its angular velocity."""
+        """Note the contact of racket and ball.
+
+        Args:
+            racket: The racket at the contact.
+            turning: (3,) rad/s in `table`, its angular velocity.
+        """
         self._struck = True
         if self._lesson is not None:
             self._lesson.strike(racket, turning)
 
     def finish(self) -> None:
-        """Learn from flight and return."""
+        """Give flight and return of the ball to the learner if the robot learns."""
         if self._lesson is not None:
             self._lesson.finish()
 
     def _takes(self, seen: TrackedPixel) -> bool:
-        """Take a pixel; return whether it was of the ball before the strike."""
+        """Give a pixel to the tracker; return whether it is from before the strike."""
         if self._lesson is not None:
             return self._lesson.add_pixel(seen.stamp, seen.side, seen.pixel)
         if not self._struck:
@@ -142,7 +160,7 @@ class Follower:
         return not self._struck
 
     def _predict(self, now: float) -> None:
-        """Derive path and strokes from the newest state, unless it follows the last one too soon."""
+        """Compute path and strokes from the newest state, unless it follows the last one too soon."""
         robot, ball = self._scenario.robot, self._tracker.state()
         end = path_end(self._scenario.intercept.x_low)
         if ball is None or ball.velocity[0] >= 0.0 or ball.position[0] <= end or not self._selection.takes(ball):

@@ -1,4 +1,7 @@
-"""One ball to learn from: its flight, as the wide cameras follow it, its contact with the racket, and its return."""
+"""One ball that the robot learns from: its flight as the wide cameras see it, its contact with the racket, and its return.
+
+What is learnt are factors on the coefficients of air, table and rubber, see `tt_core.factors`.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +16,25 @@ from tt_vision.camera import Camera
 from tt_vision.rig import WIDE_NOISE
 from tt_vision.tracking import Tracker, TrackerParams
 
-JUST_HIT = 0.004  # s around the strike, in which a pixel may be of before or after it
-RETURN_SEEN = 0.45  # s after the strike, for which the return is followed: it lands later
+JUST_HIT = 0.004  # s around the strike, within which it is not known whether a pixel is from before or after it
+RETURN_SEEN = 0.45  # s after the strike, for which the return is tracked; it lands later
 
 
 class Lesson:
-    """Follows one ball before and after the racket, and gives both to the learner at the end.
+    """Tracks one ball before and after its contact with the racket, and gives both flights to the learner at the end.
 
     Attributes:
-        tracker: Of the ball before the racket.
-        struck: s, when the racket has met the ball; inf before.
+        tracker: Tracker of the ball before the contact.
+        struck: s, time of the contact with the racket; inf before it.
     """
 
     def __init__(self, learner: PhysicsLearner, cameras: Sequence[Camera], params: TrackerParams) -> None:
-        """Begin without a ball.
+        """Start without a ball.
 
         Args:
-            learner: What it was told so far holds for this ball.
-            cameras: Those whose pixels will be given.
-            params: Of the tracker, but the spreads of the factors, which the learner knows.
+            learner: Learner of the coefficients. What it has learnt so far is used for this ball.
+            cameras: Cameras whose pixels will be added.
+            params: Parameters of the tracker. The spreads of the factors in them are replaced by those of the learner.
         """
         self._learner, self._cameras = learner, cameras
         self._params = replace(params, **_factor_spreads(learner.spreads))
@@ -41,12 +44,21 @@ class Lesson:
         self._return: tuple[ExpectedReturn, Tracker] | None = None
 
     def start(self, ball: BallState) -> None:
-        """Take the measured ball, unless it was struck already."""
+        """Give the measured ball to the tracker; ignore it after the contact with the racket."""
         if self.struck == np.inf:
             self.tracker.start(ball)
 
     def add_pixel(self, stamp: float, side: int, pixel: Array) -> bool:
-        """Take a pixel (2,) of a camera; return whether it was of the ball before the racket."""
+        """Add a pixel at which a camera saw the ball.
+
+        Args:
+            stamp: s, middle of the exposure.
+            side: Index of the camera.
+            pixel: (2,) column and row of the ball's centre.
+
+        Returns:
+            Whether the pixel is from before the contact with the racket.
+        """
         if stamp < self.struck - JUST_HIT or self.struck == np.inf:
             self.tracker.add_pixel(stamp, side, pixel, WIDE_NOISE)
             return True
@@ -55,7 +67,12 @@ class Lesson:
         return False
 
     def strike(self, racket: RacketState, turning: Array) -> None:
-        """Take where the racket was when it met the ball; turning: (3,) rad/s, its angular velocity."""
+        """Note the contact with the racket, and start to track the return.
+
+        Args:
+            racket: The racket when it met the ball.
+            turning: (3,) rad/s in `table`, its angular velocity.
+        """
         self.struck = racket.time
         ball = self.tracker.state(racket.time)
         self._flight = self._known_factors()
@@ -69,7 +86,11 @@ class Lesson:
         self._return = expected, tracker
 
     def finish(self) -> int:
-        """Give flight and return to the learner; return how many of the two it has used."""
+        """Give flight and return to the learner.
+
+        Returns:
+            How many of the two the learner has used.
+        """
         used, flight = 0, self._flight or self._known_factors()
         if flight is not None:
             used += self._learner.add_flight(*flight)

@@ -1,4 +1,4 @@
-"""Which balls can be reached in time by a robot that knows everything from the launch on."""
+"""Upper bound of a robot: which balls it can reach in time if it knows everything from the launch on."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from tt_racket.intercept import intercept
 
 from .episode import Trial
 
-ALL = 100  # candidates that are tried: as many as there can be
+ALL = 100  # most candidates that are tried: as many as there can be
 
 
 def reachable(trial: Trial, model: ArmModel) -> StrokeSelection:
-    """Return the stroke with which an arm that waits can hit a ball, with its true path, all limits in full, and no time lost.
+    """Find a stroke that hits a ball from the waiting posture, with the true path of the ball, full limits of the arm, and no delay.
 
     Args:
         trial: The ball, its physics and its robot.
         model: The arm.
 
     Returns:
-        The stroke, or the reasons why there is none.
+        The selected stroke with its swing, or the reasons why there is none.
     """
     scenario = trial.scenario
     robot = scenario.robot

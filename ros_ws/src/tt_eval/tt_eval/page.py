@@ -1,6 +1,6 @@
-"""Write pages of tables and figures that need no network: one template and one style for all of them.
+"""HTML pages of tables and figures that need no network, with one template and style for all pages.
 
-A page is small because the code that draws its figures is the file plotly.min.js beside it, which all pages of a folder share.
+A page is small because the code that draws its figures is in the file plotly.min.js beside it, which all pages of a folder share.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from plotly.offline import get_plotlyjs
 
 BLUE, ORANGE, GREEN, YELLOW, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
 COLOURS = (BLUE, ORANGE, GREEN, YELLOW, PURPLE, SKY, "#8c6d31", "#888888")  # after Okabe and Ito: told apart by the colour-blind
-GREY = "#808892"  # of lines that are seen on light and on dark paper
+GREY = "#808892"  # colour of lines that must be visible on a light and on a dark background
 PLOTLY = "plotly.min.js"
 WHOLE = "whole"  # `meta` of the layout of a figure that takes the whole width
 
@@ -28,9 +28,9 @@ class Table:
     """A table of texts.
 
     Attributes:
-        head: Heads of the columns.
-        rows: As many cells each.
-        title: Above it, if any.
+        head: Headings of the columns.
+        rows: Rows, each with as many cells.
+        title: Title above the table; "" for none.
     """
 
     head: Sequence[str]
@@ -43,12 +43,12 @@ class Section:
     """A part of a page: its text, its tables, then its figures.
 
     Attributes:
-        title: Above it, if any.
-        text: Sentences below the title, a paragraph each.
+        title: Title above the part; "" for none.
+        text: Paragraphs below the title.
         tables: Tables.
-        figures: Plotly figures, two in a row where there is room for them, or one if its `layout.meta` is WHOLE. The title of the layout
-            stands above the figure.
-        html: What follows them, as markupsafe.Markup.
+        figures: Plotly figures, two in a row where there is room for them, or one if its `layout.meta` is WHOLE. The title of the layout is
+            written above the figure.
+        html: HTML below the figures, as markupsafe.Markup.
     """
 
     title: str = ""
@@ -59,7 +59,7 @@ class Section:
 
 
 def figure_data(figure: go.Figure) -> str:
-    """Return data and layout of a figure as JSON, for `drawFigure` of a page, which adds the colours of the page."""
+    """Return data and layout of a figure as JSON, for the function `drawFigure` of a page, which adds the colours of the page."""
     bare = go.Figure(figure).update_layout(title=None, template=go.layout.Template())
     return str(bare.to_json()).replace("</", "<\\/")  # so that no text of it ends the script that holds it
 
@@ -72,14 +72,14 @@ def html_page(
     scripts: Sequence[str] = (),
     styles: Sequence[str] = (),
 ) -> str:
-    """Return a page; every text in it is escaped.
+    """Return a page as HTML. Every text in it is escaped.
 
     Args:
-        title: Of the page.
-        sections: Its parts, in order.
-        lead: What it says in short, a paragraph each.
+        title: Title of the page.
+        sections: Parts of the page, in order.
+        lead: Paragraphs at the top, a summary.
         scripts: JavaScript that runs after the figures are drawn.
-        styles: CSS beside that of all pages.
+        styles: CSS in addition to that of all pages.
     """
     folder = files(__package__) / "pages"
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
@@ -96,7 +96,15 @@ def html_page(
 
 
 def write_page(file: Path, page: str) -> None:
-    """Write a page, and beside it the code that draws its figures. Raises OSError."""
+    """Write a page to a file, and the code that draws its figures to a file beside it.
+
+    Args:
+        file: The file; its folder is created if it does not exist.
+        page: The page as HTML.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
     drawing = get_plotlyjs()
     beside = file.parent / PLOTLY
@@ -115,6 +123,11 @@ def _draw(figure: go.Figure) -> Markup:
 
 
 def script_call(function: str, *values: object) -> str:
-    """Return a line of JavaScript that calls a function with values that JSON can hold."""
+    """Return a line of JavaScript that calls a function.
+
+    Args:
+        function: Name of the function.
+        values: Its arguments, which must be convertible to JSON.
+    """
     given = ", ".join(json.dumps(value) for value in values).replace("</", "<\\/")
     return f"{function}({given});\n"

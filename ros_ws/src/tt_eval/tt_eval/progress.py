@@ -1,4 +1,4 @@
-"""How far a long computation is: a bar in a terminal, a line for each tenth elsewhere. Both go to stderr."""
+"""Progress of a long computation on stderr: a bar in a terminal, elsewhere a line for each tenth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMNS = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), T
 
 @contextmanager
 def progress(what: str, total: int, done: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show progress while the context lasts.
+    """Show the progress of a computation while the context lasts.
 
     Args:
         what: What is counted, e.g. "balls".
@@ -25,7 +25,7 @@ def progress(what: str, total: int, done: int = 0) -> Iterator[Callable[[int], N
         done: How many are done already.
 
     Yields:
-        A function that is told how many more are done.
+        A function to be called with the number of items that were done since its last call.
     """
     with Progress(*COLUMNS, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
         row = bar.add_task(what, total=total, completed=done)
@@ -41,7 +41,13 @@ def progress(what: str, total: int, done: int = 0) -> Iterator[Callable[[int], N
 
 
 def tracked(what: str, total: int, items: Iterable[T]) -> Iterator[T]:
-    """Yield the items, of which there are `total`, and show how many of them are done."""
+    """Yield the given items, and show how many of them are done.
+
+    Args:
+        what: What is counted, e.g. "balls".
+        total: Number of the items.
+        items: The items.
+    """
     with progress(what, total) as advance:
         for item in items:
             yield item

@@ -1,4 +1,4 @@
-"""Shots of real play, from the recorded states of data/deepmind (CC-BY 4.0, (c) 2025 Google LLC)."""
+"""Shots of real play, from the recorded states in data/deepmind (CC-BY 4.0, (c) 2025 Google LLC)."""
 
 from __future__ import annotations
 
@@ -21,20 +21,25 @@ class NoShots(TtError):
     """Recorded shots that cannot be read.
 
     Attributes:
-        file: The file; None when no folder of data is named.
+        file: The file; None if no folder of data is set.
     """
 
     def __init__(self, file: Path | None, why: str) -> None:
-        """Keep the file."""
+        """Store the file.
+
+        Args:
+            file: The file; None if no folder of data is set.
+            why: Reason, for the message.
+        """
         super().__init__(f"{file} holds no shots: {why}" if file else why)
         self.file = file
 
 
 def load(file: Path) -> list[BallState]:
-    """Read all shots of a file, each at time 0 and turned so that it flies to -x.
+    """Read all shots of a file. Each has time 0 and flies to -x of `table`.
 
-    The file has its origin at the middle of the table's surface, x across, y along, z up: in `table`, x = 1.37 + Y and y = 0.7625 - X.
-    Shots in the other direction are turned by half a turn about z.
+    In the file the origin is the middle of the table's surface, x is across the table, y along it, and z up: x of `table` is 1.37 + Y and y
+    is 0.7625 - X. Shots in the other direction are rotated by half a turn about z.
 
     Raises:
         NoShots: The file cannot be read.
@@ -55,12 +60,12 @@ _KEYS = [f"{what}_{axis}" for what in ("pos", "vel", "w_vel") for axis in "xyz"]
 
 
 def within_reach(ball: BallState, physics: Physics, window: InterceptParams) -> bool:
-    """Return whether an arm could be asked to return a ball: it bounces once, on the robot's half, and passes through the hit window.
+    """Tell whether an arm can be expected to return a ball: it bounces once on the robot's half, and passes through the hit window.
 
     Args:
-        ball: At the shot.
-        physics: Of the ball.
-        window: Where the arm hits.
+        ball: The ball at the shot.
+        physics: Physics of the ball.
+        window: Region in which the arm hits balls.
     """
     path = rollout(ball, physics, StopRule.at_x(path_end(window.x_low)))
     return bool(hit_points(path, window)) and path.bounces[0].position[0] < TABLE_LENGTH / 2
@@ -68,10 +73,10 @@ def within_reach(ball: BallState, physics: Physics, window: InterceptParams) -> 
 
 @functools.cache
 def shots(window: InterceptParams) -> tuple[BallState, ...]:
-    """Return the shots of deepmind/rallies.json in the folder TT_DATA_DIR that are within reach.
+    """Return the shots in deepmind/rallies.json of the folder TT_DATA_DIR (an environment variable) that are within reach.
 
     Args:
-        window: Where the arm hits.
+        window: Region in which the arm hits balls.
 
     Raises:
         NoShots: The environment variable is not set, or the file cannot be read.

@@ -1,7 +1,7 @@
-"""What is played, read from YAML: the world, which is true, the robot, with its models and methods, and the shots.
+"""Scenarios, read from YAML: the world, which is the truth, the robot with its models and methods, and the shots.
 
-Each has a file of its own. A scenario names its world and robot: files of `worlds/` and `robots/`, or paths relative to it. Unknown keys
-are refused, and an error names file and path: `fast.yaml: launcher.rate: -3 is outside [26, 94]`.
+Each of the three has a file of its own. A scenario names its world and robot: files of `worlds/` and `robots/`, or paths relative to the
+scenario's file. Unknown keys are refused, and an error names file and path: `fast.yaml: launcher.rate: -3 is outside [26, 94]`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tt_sim.world_file import WORLDS, WorldParams
 
 from .sensor_error_model import FASTEST
 
-SESSION = 25  # balls of a session, 16 s at the highest rate
+SESSION = 25  # balls of a session at a rate, 16 s at the highest rate
 HOME = Path(__file__).parent
 
 
@@ -32,21 +32,21 @@ class Robot:
     """The models of the robot and its methods.
 
     Attributes:
-        physics: Models of air, table and rubber that the robot uses.
-        stroke: Method of `tt_racket`: "exact", or the baselines "sam" (simple model of the flight) and "specular".
-        reach: Method of `tt_arm.reach`: "best" or "liu".
-        spin: "measured", or "ignored": the robot takes it as none.
-        latency: s, from the middle of the last frame's exposure to the strokes at the arm.
-        feedback: Whether the wide cameras follow the ball, and strokes and swing follow them until shortly before the strike.
-        reaction: s, from the pixels of a pair of wide frames to the strokes at the arm.
-        interval: s, least time between two states of the ball that strokes follow.
-        patience: s, after the first state of a ball, for which a measured one is waited for; shorter than the node's, because here it is
-            never late.
-        learning: Whether flights and returns change what the robot believes of air, table and rubber for the next balls of a session;
-            takes feedback.
+        physics: Models of air, table and rubber that the robot assumes.
+        stroke: Method of `tt_racket` to find strokes: "exact", or the baselines "sam" (simple model of the flight) and "specular".
+        reach: Method of `tt_arm.reach` to find postures: "best" or "liu".
+        spin: "measured", or "ignored": the robot takes the spin as zero.
+        latency: s, from the middle of the last frame's exposure to the arrival of the strokes at the arm.
+        feedback: Whether the wide cameras track the ball, and strokes and swing are corrected until shortly before the strike.
+        reaction: s, from the pixels of a pair of wide frames to the arrival of the strokes at the arm.
+        interval: s, least time between two states of the tracked ball for which strokes are found.
+        patience: s after the first state of a ball, during which the robot waits for a measured one. It is shorter than the node's, because
+            the measured ball is never late here.
+        learning: Whether flights and returns change the robot's models of air, table and rubber for the next balls of a session; needs
+            feedback.
         margin: Share of the joint speeds that a new posture keeps for corrections.
-        intercept: Where strokes are looked for; None: in the hit window of the arm, at its racket speed.
-        default_goal: What is asked of returns without a goal.
+        intercept: Region in which strokes are searched for; None: the hit window of the arm, with its racket speed.
+        default_goal: Goal of returns if the scenario has none.
     """
 
     physics: Physics = field(default_factory=Physics.liu)
@@ -79,23 +79,25 @@ class Robot:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is played.
+    """A scenario: all that determines a simulation except its random numbers.
 
     Attributes:
-        kind: One of the launcher's KINDS, or "mixed": all in turn.
-        scale: Of the launcher, one or several in turn.
-        shots: "catapult"; "rallies": drawn from real play; "given": `ball` each time; "rotation": held by the rotation machine.
-        ball: At its launch, for "given" shots.
-        goal: Of the returns; None: that of `tt_racket.goal` for the measured spin.
+        kind: Kind of the shots: one of the launcher's KINDS, or "mixed": all in turn.
+        scale: Scale of the shots, one or several in turn.
+        shots: "catapult": from the launcher; "rallies": drawn from real play; "given": `ball` each time; "rotation": held by the rotation
+            machine.
+        ball: The ball at its launch, for "given" shots.
+        goal: Goal of the returns; None: that of `tt_racket.goal` for the measured spin.
         world: What is true.
-        robot: Its models and methods.
+        robot: The robot's models and methods.
         arm: Name of an arm, or path of an arm file or its folder, see docs/arms.md.
-        launcher: Where it stands, and its rate.
-        session: Balls whose coefficients vary about those of one session; None without a rate: each ball is a session of its own. At the
-            launcher's rate one arm meets them all, by default SESSION; without a rate the arm waits for each.
-        images: Whether images are rendered and measured; otherwise the sensor error model gives the measured ball.
+        launcher: Place, rate and scatter of the launcher.
+        session: Number of balls in a session, whose coefficients scatter about those of the session. None: SESSION if the launcher has a
+            rate, otherwise each ball is a session of its own. At a rate one arm returns all balls of a session; without a rate it waits for
+            each.
+        images: Whether images are rendered and measured. Otherwise the sensor error model gives the measured ball.
         tick: s, between two joint states.
-        name: Of the file, for tables.
+        name: Name of the file, for tables.
     """
 
     kind: str = MIXED
@@ -133,31 +135,43 @@ class Scenario:
 
     @property
     def scales(self) -> tuple[int, ...]:
-        """The scales that are played in turn."""
+        """The scales of the launcher's shots, which are played in turn."""
         return self.scale if isinstance(self.scale, tuple) else (self.scale,)
 
     @property
     def arm_file(self) -> ArmFile:
-        """What is known of the arm beside its URDF. Raises BadFile."""
+        """Content of the arm file.
+
+        Raises:
+            BadFile: The file cannot be read, or a value in it is wrong.
+        """
         return _arm_file(self.arm)
 
     @property
     def intercept(self) -> InterceptParams:
-        """Where strokes are looked for. Raises BadFile."""
+        """Region in which the robot searches for strokes, with the racket's speed limit.
+
+        Raises:
+            BadFile: The arm file cannot be read, or a value in it is wrong.
+        """
         return self.robot.intercept or InterceptParams.of(self.arm_file.hit_window, self.arm_file.racket_speed)
 
     @property
     def balls(self) -> int:
-        """Balls of a session."""
+        """Number of balls in a session."""
         return self.session or (SESSION if self.launcher.rate else 1)
 
     @property
     def is_played_whole(self) -> bool:
-        """Whether a ball depends on those before it in its session: one arm meets them all, or learns from each."""
+        """Whether a ball depends on those before it in its session, because one arm returns them all or the robot learns from each."""
         return bool(self.launcher.rate or (self.robot.learning and self.balls > 1))
 
     def shot(self, seed: int) -> tuple[str, int]:
-        """Return kind and scale of a trial; all are played in turn, equally often."""
+        """Return kind and scale of the launcher's shot for a ball. All are played in turn, equally often.
+
+        Args:
+            seed: Number of the ball.
+        """
         kind = KINDS[seed % len(KINDS)] if self.kind == MIXED else self.kind
         return kind, self.scales[seed // len(KINDS) % len(self.scales)]
 
@@ -182,13 +196,13 @@ def load(name: str, robot: str | None = None, world: str | None = None, images: 
     """Read a scenario.
 
     Args:
-        name: Of a file in `scenarios/`, without suffix, or the path of another one.
+        name: Name of a file in `scenarios/`, without suffix, or the path of another one.
         robot: Name or path of models and methods, instead of the scenario's; or of an arm, which then plays with those of the scenario.
         world: Name or path of the world, instead of the scenario's.
         images: Whether images are rendered, instead of the scenario's choice.
 
     Raises:
-        BadFile: A file cannot be read, or something in it is wrong.
+        BadFile: A file cannot be read, or a value in it is wrong.
     """
     file = find(name, HOME / "scenarios")
     content = read(file)

@@ -1,4 +1,4 @@
-"""Fit the sensor error models to rendered balls, all of `sensor_error_models/` anew: ros2 run tt_eval fit_sensor_error."""
+"""Fit the sensor error models to rendered balls, and write all files in `sensor_error_models/`: ros2 run tt_eval fit_sensor_error."""
 
 from __future__ import annotations
 
@@ -21,13 +21,20 @@ from .progress import tracked
 from .scenario import HOME, Scenario, load
 from .sensor_error_model import SensorErrorModel, last_frame
 
-FEWEST = 50  # measured balls that a fit needs
-SLOW, SPUN = 3.0, 700.0  # m/s, rad/s: every other ball of a fit is slower than SLOW, down to rest; spins about any axis up to SPUN
+FEWEST = 50  # least number of measured balls for a fit
+SLOW, SPUN = 3.0, 700.0  # m/s, rad/s: every other ball of a fit has a speed from 0 to SLOW, and a spin up to SPUN about any axis
 SCENARIOS = ("liu", "real", "harsh")  # one for each sensor error model
 
 
 def drawn(scenario: Scenario, seed: int) -> Trial:
-    """Draw a ball of the launcher, scales in turn, and every other time one that drifts through the middle of the view or is held there."""
+    """Draw a ball for the fit at random.
+
+    For even seeds this is a ball of the launcher, its scales in turn; for odd seeds a slow or resting ball in the middle of the view.
+
+    Args:
+        scenario: Whose launcher, world and cameras are used.
+        seed: Number of the ball.
+    """
     number, slow = divmod(seed, 2)
     if not slow:
         return Trial.drawn(replace(scenario, scale=tuple(range(SCALES[0], SCALES[1] + 1))), number)
@@ -40,11 +47,16 @@ def drawn(scenario: Scenario, seed: int) -> Trial:
 
 
 def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
-    """Render and measure one ball.
+    """Render and measure one ball of `drawn`.
+
+    Args:
+        scenario: Whose launcher, world and cameras are used.
+        seed: Number of the ball.
 
     Returns:
-        Whether it gives the cameras a burst by `last_frame`; and (11,) the error of the measured state (9,), speed and spin, or None when
-        it was not measured.
+        Whether the cameras see enough of it according to `last_frame`; and an array (11,): error of the measured position (m), velocity
+        (m/s)
+        and spin (rad/s), true speed (m/s) and true spin (rad/s), or None if the ball was not measured.
     """
     trial = drawn(scenario, seed)
     passes = last_frame(trial.ball, trial.cameras, trial.physics) is not None
@@ -56,7 +68,11 @@ def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
 
 
 def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
-    """Fit a model to that many rendered balls, see `drawn`, on all cores.
+    """Fit a sensor error model to rendered balls, on all cores.
+
+    Args:
+        scenario: Whose launcher, world and cameras are used.
+        balls: Number of balls, see `drawn`.
 
     Raises:
         TtError: Fewer than FEWEST are measured.
@@ -71,7 +87,7 @@ def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command fit_sensor_error."""
     parser = argparse.ArgumentParser(prog="fit_sensor_error", description=__doc__)
     parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=f"whose cameras see the balls (default {', '.join(SCENARIOS)})")
     parser.add_argument("--balls", type=int, default=800, help="rendered for each fit (default 800)")

@@ -1,9 +1,12 @@
-"""The error of the measured ball without images, as fitted to rendered balls by `sensor_error_fit`.
+"""Error of the measured ball if no images are rendered, as fitted to rendered balls by `sensor_error_fit`.
 
-Each of the nine errors is normal. Its variance is the sum of four parts: constant, spin (|w| / 300 rad/s)^2, speed s^2 and blur s^4 with
-s = |v| / 5 m/s. The errors are correlated as fitted. The time of the measurement needs no fit: it is that of the last frame of the burst,
-which follows from geometry and light. The fit covers the launcher's balls of all scales, up to 14 m/s, and as many slower than 3 m/s, down
-to rest: all that scenarios play. A ball faster than FASTEST is refused, since the fit does not cover it.
+Each of the nine errors is normally distributed. Its variance is the sum of four parts: a constant one, one for spin (|w| / 300 rad/s)^2,
+one for speed s^2 and one for blur s^4, with s = |v| / 5 m/s. The errors are correlated as fitted. The time of the measurement needs no fit:
+it is that of the last image that is used, which follows from geometry and light. The fit covers the launcher's balls of all scales, up to
+14 m/s, and as many balls slower than 3 m/s, down to rest. These are all that scenarios play. A ball faster than FASTEST is refused, because
+the fit does not cover it.
+
+A burst is the set of images of one ball's passage through the high-speed cameras, six pairs by default.
 """
 
 from __future__ import annotations
@@ -31,10 +34,10 @@ from tt_vision.detection.outline import DEPTH
 from tt_vision.projection import project_from_table, unpack_camera
 from tt_vision.rig import FRAME_RATE
 
-FASTEST = 16.0  # m/s, the catapult's fastest with its scatter
+FASTEST = 16.0  # m/s, the catapult's fastest ball with its scatter
 SPIN, SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
-MARGIN = 2.0  # pixels that an image shows around a whole ball
-FRAMES = 60  # after the launch, looked through for the burst
+MARGIN = 2.0  # pixels that an image must show around a whole ball
+FRAMES = 60  # number of frames after the launch in which the burst is searched for
 WHITE = 0.85  # albedo of the default ball without marks, see tt_sim.render.Texture
 UNMARKED = 0.88  # of the full-scale pixels that marks with their blurred edges leave: mean of 52 rendered images
 FULL = 254.5 / 255.0  # grey that an image of 8 bits rounds to full scale
@@ -47,12 +50,12 @@ NAMES = tuple(f"{what}_{axis}" for what in ("position", "velocity", "spin") for 
 
 @dataclass(frozen=True, eq=False)
 class SensorErrorModel:
-    """Errors of the measured ball.
+    """Random errors of the measured ball.
 
     Attributes:
-        refused: Share of the balls with a burst that are not measured.
-        parts: (9, 4) variances of position, velocity and spin by cause, SI.
-        correlation: (9, 9).
+        refused: Share of the balls with a burst of images that are not measured.
+        parts: (9, 4) variances of position (m^2), velocity (m^2/s^2) and spin (rad^2/s^2) for each of the four parts.
+        correlation: (9, 9) correlation of the errors.
     """
 
     refused: float
@@ -61,12 +64,12 @@ class SensorErrorModel:
 
     @classmethod
     def fitted(cls, errors: Array, speeds: Array, spins: Array, refused: float) -> SensorErrorModel:
-        """Fit a model.
+        """Fit a model to errors of rendered balls.
 
         Args:
-            errors: (n, 9), measured minus true.
-            speeds: (n,) m/s.
-            spins: (n,) rad/s.
+            errors: (n, 9) measured minus true position (m), velocity (m/s) and spin (rad/s).
+            speeds: (n,) m/s, true speeds.
+            spins: (n,) rad/s, true spins.
             refused: Share of the balls that are not measured.
         """
         causes = _causes(speeds, spins).T
@@ -82,22 +85,32 @@ class SensorErrorModel:
 
     @classmethod
     def load(cls, name: str) -> SensorErrorModel:
-        """Read the file of that name in `sensor_error_models/`."""
+        """Read a model from the file `name` in `sensor_error_models/`."""
         return _load(name)
 
     def save(self, file: Path, comment: str) -> None:
-        """Write the model; comment: in the first line."""
+        """Write the model to a YAML file.
+
+        Args:
+            file: The file.
+            comment: Text of its first line.
+        """
         rows = {name: [float(f"{v:.4g}") for v in row] for name, row in zip(NAMES, self.parts, strict=True)}
         content = {"refused": round(self.refused, 4), "variances": rows, "correlation": np.round(self.correlation, 3).tolist()}
         file.write_text(f"# {comment}\n{yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=140)}")
 
     def sigmas(self, ball: BallState) -> Array:
-        """Return the (9,) standard deviations for a ball."""
+        """Return the standard deviations (9,) of position (m), velocity (m/s) and spin (rad/s) for a true ball."""
         causes = _causes(math.hypot(*ball.velocity.tolist()), math.hypot(*ball.spin.tolist()))
         return np.asarray(np.sqrt(self.parts @ causes))
 
     def measured(self, ball: BallState, rng: np.random.Generator) -> BallState:
-        """Return a ball as it would be measured; ball: the truth."""
+        """Return a ball with random errors, as it would be measured, and their covariance.
+
+        Args:
+            ball: The true ball.
+            rng: Random numbers.
+        """
         sigmas = self.sigmas(ball)
         covariance = self.correlation * np.outer(sigmas, sigmas)
         return BallState.from_vector(ball.time, ball.vector + sigmas * (self._root @ rng.standard_normal(9)), covariance)
@@ -134,15 +147,15 @@ def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray
 
 
 class Illumination(NamedTuple):
-    """The light on a white ball, for the kernels.
+    """Light on a white ball, for compiled functions.
 
     Attributes:
-        places: (lamps, 3) m in `table`.
-        strengths: (lamps,) grey of an ideal white surface that faces the lamp from 1 m; 1 is full scale.
-        ambient: Grey of an ideal white surface.
-        background: Grey behind the ball.
-        albedo: Of the ball without marks.
-        gloss: Specular part.
+        places: (lamps, 3) m in `table`, positions of the lamps.
+        strengths: (lamps,) grey level of an ideal white surface that faces the lamp from 1 m; 1 is full scale.
+        ambient: Grey level of an ideal white surface without the lamps.
+        background: Grey level behind the ball.
+        albedo: Albedo of the ball without marks.
+        gloss: Specular reflectance of the ball.
     """
 
     places: Array
@@ -154,7 +167,12 @@ class Illumination(NamedTuple):
 
 
 def illumination(lamps: Lamps, texture: Texture) -> Illumination:
-    """Return the light of these lamps on the white of a ball."""
+    """Return the light of the given lamps on the white part of a ball.
+
+    Args:
+        lamps: The lamps.
+        texture: Surface of the ball; its gloss is used.
+    """
     places = np.array([lamp.position for lamp in lamps.lamps]).reshape(-1, 3)
     strengths = np.array([lamp.strength for lamp in lamps.lamps])
     return Illumination(places, strengths, lamps.ambient, lamps.background, WHITE, texture.gloss)
@@ -162,7 +180,12 @@ def illumination(lamps: Lamps, texture: Texture) -> Illumination:
 
 @njit(cache=True, error_model="numpy")
 def brightest(point: Array, light: Illumination) -> float:
-    """Return an upper bound of the grey of a ball at a point (3,) m, seen from anywhere."""
+    """Return an upper bound of the grey level (1 is full scale) of a ball, whatever side it is seen from.
+
+    Args:
+        point: (3,) m in `table`, position of the ball.
+        light: Light on the ball.
+    """
     n = len(light.strengths)
     each, ways = np.empty(n), np.empty((n, 3))  # grey of a white surface that faces one lamp; unit vectors
     for k in range(n):
@@ -182,14 +205,14 @@ def brightest(point: Array, light: Illumination) -> float:
 
 @njit(cache=True, error_model="numpy")
 def saturated_share(point: Array, eye: Array, light: Illumination) -> float:
-    """Return the share of the bright part of a ball's image that is at full scale, which `find_ball` refuses above SATURATED.
+    """Return the share of the bright part of a ball's image that is at full scale. `find_ball` refuses an image above SATURATED.
 
-    The light is that of the renderer, diffuse with a specular lobe, over points that are even over the visible disc.
+    The light is computed as by the renderer, diffuse with a specular lobe, at points that are evenly distributed over the visible disc.
 
     Args:
-        point: (3,) m, the ball.
-        eye: (3,) m, the camera.
-        light: On the ball.
+        point: (3,) m in `table`, position of the ball.
+        eye: (3,) m in `table`, position of the camera.
+        light: Light on the ball.
     """
     zx, zy, zz = eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]  # the axes of the disc: z to the camera, x level
     length = math.sqrt(zx * zx + zy * zy + zz * zz)
@@ -253,19 +276,19 @@ def last_frame(
     frames: int = BurstParams.frames,
     lamps: Lamps | None = None,
 ) -> float | None:
-    """Return the time (s) of the last frame of the burst that the cameras make of a ball.
+    """Return the time (s) of the last frame of the burst, the set of images from which a ball is measured.
 
-    The burst is made of the first frames that both cameras can use: all of the ball is in view, and the lamps do not overexpose it.
+    The burst consists of the first frames that both cameras can use: the whole ball is in view, and the lamps do not overexpose it.
 
     Args:
-        ball: At its launch.
-        cameras: Where they stand.
-        physics: Of the ball.
-        frames: Of a burst.
+        ball: The ball at its launch.
+        cameras: The high-speed cameras.
+        physics: True physics of the ball.
+        frames: Number of frames of a burst.
         lamps: The light; None for that of the default scene.
 
     Returns:
-        The time; None when there are not enough such frames.
+        The time; None if there are not enough such frames.
     """
     times = np.arange(1, FRAMES) / FRAME_RATE
     points = places(ball.vector, times, physics.air.coefficients)

@@ -1,7 +1,7 @@
-"""Play many balls of one scenario into a Parquet file: ros2 run tt_eval sweep liu --balls 10000 --out run.parquet.
+"""Simulate many balls of one scenario and write a Parquet file: ros2 run tt_eval sweep liu --balls 10000 --out run.parquet.
 
 A ball's seed is its number, so the result does not depend on how the sweep is divided, where it runs or how often it was interrupted.
-Finished parts are kept in FILE.parts until all are there, and only missing ones are played.
+Finished parts are kept in FILE.parts until all are done, and only missing parts are simulated.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from .progress import progress
 from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
 
-PART = 250  # balls of one task, at most
-STEPS = 40  # tasks of a sweep, at least, so that its progress is seen
-CONNECT = 10.0  # s to find the scheduler
+PART = 250  # most balls of one task
+STEPS = 40  # least number of tasks of a sweep, so that its progress is visible
+CONNECT = 10.0  # s, longest time to connect to the scheduler
 AHEAD = 3  # tasks for each worker that are submitted at a time
 SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
 
 
 class OtherSweep(TtError):
-    """Parts of another sweep where this one is to be written."""
+    """The folder for parts of this sweep holds parts of another one."""
 
     def __init__(self, folder: Path) -> None:
-        """Keep the folder of the parts."""
+        """Store the folder of the parts."""
         super().__init__(f"{folder} holds parts of another sweep; remove it or write to another file")
         self.folder = folder
 
@@ -47,13 +47,29 @@ class NoScheduler(TtError):
     """A Dask scheduler that does not answer."""
 
     def __init__(self, address: str, error: OSError) -> None:
-        """Keep the address."""
+        """Store the address.
+
+        Args:
+            address: Address of the scheduler.
+            error: What failed, for the message.
+        """
         super().__init__(f"no Dask scheduler at {address}: {error}")
         self.address = address
 
 
 def part(scenario: Scenario, first: int, last: int) -> pa.Table:
-    """Play balls `first` to `last` - 1, a row each; sessions whose balls depend on each other are played as a whole."""
+    """Simulate the balls `first` to `last` - 1 of a scenario.
+
+    Sessions whose balls depend on each other are simulated as a whole.
+
+    Args:
+        scenario: The scenario.
+        first: Number of the first ball.
+        last: Number after that of the last ball.
+
+    Returns:
+        A table with a row for each ball.
+    """
     if not scenario.is_played_whole:
         return pa.Table.from_pylist([sweep_metrics(play(scenario, seed)) for seed in range(first, last)], SCHEMA)
     numbers = range(first // scenario.balls, -(-last // scenario.balls))
@@ -62,12 +78,28 @@ def part(scenario: Scenario, first: int, last: int) -> pa.Table:
 
 
 def fingerprint(scenario: Scenario, balls: int, size: int) -> str:
-    """Return a hash of what determines the rows, so that only the same sweep is resumed."""
+    """Return a hash of what determines the rows and parts of a sweep, so that only the same sweep is resumed.
+
+    Args:
+        scenario: The scenario.
+        balls: Number of balls.
+        size: Balls of one part.
+    """
     return hashlib.sha256(repr((scenario, balls, size)).encode()).hexdigest()[:16]
 
 
 def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor, workers: int) -> Iterator[tuple[int, pa.Table]]:
-    """Yield number of the first ball and rows of each part as they are done; few are submitted at a time, so that memory stays bounded."""
+    """Simulate the missing parts of a sweep in parallel. Few are submitted at a time, so that memory stays bounded.
+
+    Args:
+        scenario: The scenario.
+        missing: Numbers of the first ball, and after the last ball, of each part.
+        executor: Runs the tasks.
+        workers: Number of its workers.
+
+    Yields:
+        Number of the first ball, and rows, of each part when it is done.
+    """
     left, running = iter(missing), dict[Future[pa.Table], int]()
     while True:
         while len(running) < AHEAD * workers and (task := next(left, None)) is not None:
@@ -79,10 +111,10 @@ def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor
 
 
 def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = None, workers: int | None = None, size: int = 0) -> None:
-    """Play what is not played yet, and write all rows.
+    """Simulate all balls that are not simulated yet, and write all rows to a file.
 
     Args:
-        scenario: What is played.
+        scenario: The scenario.
         balls: Number of balls.
         out: The Parquet file.
         scheduler: Address of a Dask scheduler; None: processes of this machine.
@@ -92,7 +124,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     Raises:
         OtherSweep: The parts beside the file are of another sweep.
         NoScheduler: The scheduler does not answer.
-        TtError: The scenario has no such balls. All are raised before anything is played.
+        TtError: The scenario has no such balls. All errors are raised before any ball is simulated.
     """
     Trial.drawn(scenario, 0)
     size = size or max(1, min(PART, balls // STEPS))
@@ -134,7 +166,7 @@ def _executor(stack: ExitStack, scheduler: str | None, workers: int | None) -> t
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command sweep."""
     parser = argparse.ArgumentParser(prog="sweep", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenario", help="a name of those here, or a YAML file")
     parser.add_argument("--balls", type=int, default=1000, metavar="N", help="default 1000")

@@ -1,4 +1,4 @@
-"""The row of one ball in a sweep: numbers and texts by name."""
+"""Results of one ball as a row of a sweep: numbers and texts by name."""
 
 from __future__ import annotations
 

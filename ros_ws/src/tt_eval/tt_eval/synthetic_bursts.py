@@ -1,4 +1,7 @@
-"""Random bursts of rendered images with the truth, under conditions that can be made worse one by one."""
+"""Random bursts of rendered images with the true states of the ball, under conditions that can be made worse one by one.
+
+A burst is the set of images of one ball's passage through the high-speed cameras, six pairs by default.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,19 @@ VARIED = DomainRandomization(drag=0.04, lift=0.10)  # from ball to ball, as in t
 
 @dataclass(frozen=True)
 class BurstConditions:
-    """Under which a burst is rendered.
+    """Conditions under which bursts are rendered.
 
     Attributes:
-        frames: Pairs of images; 6 is the dissertation's K.
+        frames: Number of pairs of images; 6 is the dissertation's K.
         frame_rate: 1/s.
         exposure: s.
         slowest: rpm, least spin, about any axis.
         fastest: rpm, largest spin.
-        blobs: Marks on the ball.
-        coverage: Part of the ball that they cover.
-        gloss: Specular part of the ball.
-        pose_angle: rad, standard deviation of the rotation of each camera from where the estimator believes it.
-        pose_shift: m, standard deviation of each coordinate of the shift.
+        blobs: Number of marks on the ball.
+        coverage: Share of the ball's surface that they cover.
+        gloss: Specular reflectance of the ball.
+        pose_angle: rad, standard deviation of the rotation of each camera between its true pose and the pose that the estimator assumes.
+        pose_shift: m, standard deviation of each coordinate of the shift between these poses.
         lamps: The light.
         noise: Lens and sensor.
     """
@@ -57,13 +60,13 @@ class BurstConditions:
 
 @dataclass(frozen=True, eq=False)
 class SyntheticBurst:
-    """A rendered burst with the truth.
+    """A rendered burst of images and the true state of the ball.
 
     Attributes:
-        images: (2, k, h, w) uint8 or uint16.
+        images: (2, k, h, w) uint8 or uint16, left and right.
         times: (k,) s.
-        ball: The truth at the last frame.
-        cameras: As the estimator believes them to stand.
+        ball: True state of the ball at the last frame.
+        cameras: Cameras in the poses that the estimator assumes.
     """
 
     images: Any
@@ -73,25 +76,25 @@ class SyntheticBurst:
 
     @property
     def burst(self) -> Burst:
-        """What the estimator gets."""
+        """The burst in the form that the estimator gets."""
         return Burst(tuple(self.images), self.times, self.cameras)
 
     @property
     def left_burst(self) -> Burst:
-        """What the estimator gets of the left camera alone."""
+        """The burst of the left camera alone, in the form that the estimator gets."""
         return Burst((self.images[0],), self.times, self.cameras[:1])
 
 
 def bursts(count: int, conditions: BurstConditions | None = None, seed: int = 0) -> Iterator[SyntheticBurst]:
-    """Render random balls of 3 to 8 m/s near the middle of the view, spinning about any axis, in the air of real balls.
+    """Render random balls of 3 to 8 m/s near the middle of the view, with spin about any axis, in the air of real balls.
 
     Args:
         count: Number of balls.
-        conditions: Of all of them.
-        seed: Of all that is random.
+        conditions: Conditions of all of them; None for the default ones.
+        seed: Seed of all random numbers.
 
     Yields:
-        Bursts with the truth.
+        Bursts with the true states.
     """
     c = conditions or BurstConditions()
     rng = np.random.default_rng(seed)
@@ -113,15 +116,15 @@ def _drawn(seed: int, blobs: int, coverage: float) -> Texture:
 def render_burst(
     middle: Array, velocity: Array, spin: Array, texture: Texture, conditions: BurstConditions, rng: np.random.Generator
 ) -> SyntheticBurst:
-    """Render one ball.
+    """Render the burst of one ball.
 
     Args:
-        middle: (3,) m, where it is half way through the burst.
-        velocity: (3,) m/s, then.
-        spin: (3,) rad/s.
-        texture: Its marks.
-        conditions: Of the burst.
-        rng: Of orientation, air and noise.
+        middle: (3,) m in `table`, position of the ball in the middle of the burst.
+        velocity: (3,) m/s in `table`, then.
+        spin: (3,) rad/s in `table`.
+        texture: Surface of the ball with its marks.
+        conditions: Conditions of the burst.
+        rng: Random numbers for orientation, air and noise.
     """
     c = conditions
     first = Rotation.random(random_state=int(rng.integers(1 << 31)))
@@ -145,6 +148,6 @@ def _moved(camera: Camera, c: BurstConditions, rng: np.random.Generator) -> Came
 
 
 def calibrated_lamps(lamps: Lamps) -> CalibratedLamps:
-    """Return the lamps as a calibration would give them: places and strengths, no flicker, no gloss."""
+    """Return the lamps as a calibration would give them: positions, strengths and ambient light, without flicker and gloss."""
     each = lamps.lamps
     return CalibratedLamps(np.array([lamp.position for lamp in each]), np.array([lamp.strength for lamp in each]), lamps.ambient)

@@ -1,13 +1,14 @@
-"""What became of a ball, from two wide cameras alone, as the dissertation evaluates its experiments (Section 4.5.2).
+"""Result of a ball from the pixels of two wide cameras alone, as the dissertation evaluates its experiments (Section 4.5.2).
 
-The dissertation draws a smooth curve through the observed positions and reads landing place and time off it; it gives no spin of a return.
-Here, too, only positions are used. A kink is a contact with the surface that is there. The flights between kinks are fitted by the flight
-model, with the air as identified in that laboratory (Section 3.5.1), and two flights meet at the contact. The spin follows from the
-curvature of the flight, so only its part across the velocity is observable; spin_x, nearly along the velocity, is hardly known.
+The dissertation draws a smooth curve through the observed positions and reads landing place and time from it; it gives no spin of a return.
+Here, too, only positions are used. A kink of the trajectory is a contact with the surface that is there. The flights between kinks are
+fitted by the flight model, with the air as identified in that laboratory (Section 3.5.1), and two flights meet at the contact. The spin
+follows from the curvature of the flight, so only its part across the velocity is observable; spin_x, nearly along the velocity, is hardly
+known.
 
-Errors over 500 balls, judged minus true, standard deviations: in the world `liu` landing place 0.4 mm, flight time 0.1 ms, spin 1 and
-2 rad/s about y and z; in `real` 2.3 mm, 0.3 ms, 25 and 22 rad/s. Real lift hardly grows with the spin and differs from ball to ball, so a
-flight shows little of its spin. `ros2 run tt_eval evaluate` prints these for any sweep.
+Errors over 500 balls, judged minus true, standard deviations: in the world `liu` landing place 0.4 mm, flight time 0.1 ms, spin 1 and 2
+rad/s about y and z; in `real` 2.3 mm, 0.3 ms, 25 and 22 rad/s. Real lift hardly grows with the spin and differs from ball to ball, so a
+flight shows little of its spin. `ros2 run tt_eval evaluate` prints these errors for any sweep.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from tt_vision.camera import triangulate
 from tt_vision.rig import WIDE_RATE
 
 KINK = 1.2  # m/s, least change of velocity at a contact: five standard deviations of positions with 1.3 mm; few bounces give less
-UNUSUAL = 4.0  # times the median change is a contact, too: for worse cameras
+UNUSUAL = 4.0  # least change of velocity at a contact over the median change, for worse cameras
 CLOSE = 0.05  # m, distance at which a surface counts as touched: half of the motion between two frames
-FEWEST = 5  # positions of a flight
+FEWEST = 5  # least number of positions of a flight
 SCATTER = 2.0e-3  # m, standard deviation of a position, for the weight of SPIN: that of bad cameras
 SPIN = 300.0  # rad/s, prior standard deviation of the spin of any ball: bounds the part that the flight does not show
 MOST_SPIN = 1500.0  # rad/s about each axis, more than in real play
-ROUNDS, FRESH = 5, 3  # of Gauss-Newton, and the first of them that compute the Jacobian anew
+ROUNDS, FRESH = 5, 3  # number of Gauss-Newton iterations, and of the first ones that compute the Jacobian
 
 
 @njit(cache=True)
@@ -40,11 +41,11 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
 
     Args:
         times: (n,) s, n at least 4.
-        seen: (n, 3) m.
-        air: Coefficients of the air.
+        seen: (n, 3) m in `table`, observed positions.
+        air: (8,) coefficients of the air, `Aerodynamics.coefficients`.
 
     Returns:
-        State (9,) of the ball at time 0.
+        (9,) position (m), velocity (m/s), spin (rad/s) of the ball at time 0.
     """
     n = len(times)
     ball, step = np.zeros(9), np.array([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])  # m/s, rad/s
@@ -72,16 +73,17 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
 
 @njit(cache=True)
 def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
-    """Find the frames nearest to contacts.
+    """Find the frames that are nearest to contacts, where the velocity of the ball jumps.
 
-    There the velocity changes by more than KINK and by far more than its median change, and more than at the FEWEST frames on both sides.
+    There the velocity changes by more than KINK, by more than UNUSUAL times its median change, and by more than at the FEWEST - 1 frames on
+    each side.
 
     Args:
         times: (n,) s, n at least FEWEST.
-        seen: (n, 3) m, where the ball was seen.
+        seen: (n, 3) m in `table`, observed positions.
 
     Returns:
-        Indices of frames.
+        Indices of the frames.
     """
     n = len(times)
     change, kink = np.zeros(n), np.zeros(n, dtype=np.bool_)
@@ -130,14 +132,14 @@ def _meeting(before: Array, after: Array, apart: float, time: float, air: Array)
 
 
 def score_from_video(sightings: Sightings, air: Array) -> Outcome:
-    """Return what became of a ball, as far as it was seen.
+    """Return the result of a ball as far as two cameras have seen it.
 
     Args:
-        sightings: What the cameras saw.
-        air: Coefficients of the flight model, as the evaluator knows them.
+        sightings: Pixels at which the cameras saw the ball.
+        air: (8,) coefficients of the air that the evaluation assumes, `Aerodynamics.coefficients`.
 
     Returns:
-        Contacts where two fitted flights meet.
+        The flight with its contacts, which are where two fitted flights meet. Without enough positions it has no contacts.
     """
     if len(sightings.times) < FEWEST:
         return Outcome(BallState(0.0, *np.zeros((3, 3))))

@@ -1,6 +1,6 @@
-"""A simulated world in place of the hardware: ball, table, cameras and arm.
+"""A simulated world that replaces the hardware: launcher, ball, table, cameras and arm.
 
-The names of `__all__` are imported when they are first used: a node does not wait for what it does not need. The function
+The names of `__all__` are imported when they are first used, so that a node does not load modules that it does not need. The function
 `tt_sim.render.render` has the name of its module and is imported from there.
 """
 

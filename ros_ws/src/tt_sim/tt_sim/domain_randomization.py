@@ -1,6 +1,6 @@
-"""The true coefficients, drawn at random in two levels: those of a session about its world's, those of a ball about its session's.
+"""Random differences of the true coefficients: those of a session from those of the world, those of a ball from those of its session.
 
-What is the same in a session, such as rubber, table and the air of a hall, can be learnt; what differs from ball to ball cannot.
+What is constant in a session, such as rubber, table and the air of a hall, can be learnt; differences from ball to ball cannot.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from tt_core.factors import FACTORS, multiplied
 from tt_core.params import check, param
 from tt_core.physics import Physics
 
-FURTHEST = 3.0  # standard deviations, at which draws are cut
+FURTHEST = 3.0  # standard deviations, largest deviation that is drawn
 
 
 @dataclass(frozen=True, slots=True)
 class DomainRandomization:
-    """Standard deviations of the coefficients from session to session or from ball to ball, each as a share of its coefficient."""
+    """Standard deviations of the true coefficients from session to session or from ball to ball, each as a share of its coefficient."""
 
     drag: float = param(0.0, "", "standard deviation of the drag coefficients, as a share of them", low=0.0, high=0.5)
     lift: float = param(0.0, "", "standard deviation of the lift coefficients, as a share of them", low=0.0, high=0.5)
@@ -35,13 +35,13 @@ class DomainRandomization:
         check(self)
 
     def draw(self, physics: Physics, rng: np.random.Generator) -> Physics:
-        """Draw the physics of one session or ball.
+        """Draw the physics of one session or of one ball at random.
 
-        Coefficients are cut as by `multiplied` of `tt_core.factors`.
+        The coefficients are limited as by `tt_core.factors.multiplied`.
 
         Args:
-            physics: The means.
-            rng: Of the draw; every coefficient takes one number, so that seeds stay comparable.
+            physics: Models with the mean coefficients.
+            rng: Random numbers. Each coefficient takes one number, whatever its deviation, so that results of equal seeds can be compared.
         """
         draws = dict(zip(_ORDER, np.clip(rng.normal(size=len(_ORDER)), -FURTHEST, FURTHEST).tolist(), strict=True))
 

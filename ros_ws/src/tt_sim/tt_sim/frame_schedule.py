@@ -1,4 +1,4 @@
-"""When images leave: those of the launched ball at their times, and dark ones in between if cameras are always on."""
+"""Times at which images are published: those of a launched ball, and images without a ball in between if the cameras are always on."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from .launch_store import ReadyLaunch
 
 
 class FrameSchedule:
-    """The images to come.
+    """Schedule of the images that are still to be published.
 
     Attributes:
-        due: s, when the next image leaves; inf when none does.
-        shows_ball: Whether it is one of the launched ball.
+        due: s, when the next image is published; inf if there is none.
+        shows_ball: Whether the next image shows the launched ball.
     """
 
     def __init__(self, dark: Sequence[Any], start: float) -> None:
-        """Begin without a ball.
+        """Start without a ball.
 
         Args:
-            dark: The image without a ball of each camera; empty for cameras that publish balls only.
-            start: s, of the first dark frame.
+            dark: The image without a ball of each camera; empty if the cameras publish images with a ball only.
+            start: s, time of the first image without a ball.
         """
         self._dark = dark
         self._launch: ReadyLaunch | None = None
@@ -32,7 +32,7 @@ class FrameSchedule:
         self._dark_due = start if dark else math.inf
 
     def show(self, launch: ReadyLaunch, time: float) -> None:
-        """Let the images of a launch at `time` (s) follow."""
+        """Add the images of a launch at `time` (s), in place of those of the launch before."""
         self._launch, self._launch_time = launch, time
 
     @property
@@ -42,12 +42,16 @@ class FrameSchedule:
 
     @property
     def due(self) -> float:
-        """When the next image leaves, s; inf when there is none."""
+        """Time when the next image is published, s; inf if there is none."""
         launch = self._launch
         return self._launch_time + launch.images[0].due if launch is not None and launch.images else self._dark_due
 
     def pop(self) -> list[tuple[int, float, Any]]:
-        """Return camera, stamp (s) and message of what leaves next: an image of the ball, or a dark one of each camera."""
+        """Remove the next images: one of the ball, or one without a ball for each camera.
+
+        Returns:
+            Camera (0 left, 1 right), stamp (s) and message of each.
+        """
         due, launch = self.due, self._launch
         if self._dark:
             self._dark_due = due + 1.0 / FRAME_RATE

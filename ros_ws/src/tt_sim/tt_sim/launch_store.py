@@ -1,4 +1,4 @@
-"""Launches that are rendered ahead, so that a ball's images are ready before it flies."""
+"""Store of launches whose images are rendered before the ball flies."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from tt_core.states import BallState
 
 from .cameras.render_worker import DelayedImage, LaunchRenderer, RenderWorker
 
-STORE = 2  # launches rendered ahead, at a rate
-QUIET = 0.15  # s after a burst in which nothing is rendered: then others measure and plan
-PAUSE = 0.02  # s between two looks whether something is to be rendered
+STORE = 2  # launches rendered ahead if balls are launched at a rate
+QUIET = 0.15  # s after the last image of a ball, in which nothing is rendered, because other nodes measure and plan then
+PAUSE = 0.02  # s between two checks whether a launch must be rendered
 
 
 class ReadyImage(NamedTuple):
-    """An image that waits for its time.
+    """An image that is ready to be published at its time.
 
     Attributes:
-        due: s after the launch, when it leaves.
-        stamp: s after the launch.
-        side: Of the camera, 0 left, 1 right.
+        due: s after the launch, when it is published.
+        stamp: s after the launch, middle of the exposure by the clock of the cameras.
+        side: Camera: 0 left, 1 right.
         message: The image in the form in which it is published.
     """
 
@@ -37,14 +37,14 @@ class ReadyImage(NamedTuple):
 
 @dataclass
 class ReadyLaunch:
-    """A launch whose images are ready.
+    """A launch, a ball that the launcher shoots, whose images are ready.
 
     Attributes:
         number: Counts the launches that have flown from 1; 0 before this one flies.
         shot: Kind and scale, e.g. "top 3".
-        ball: At the launch, time 0.
-        physics: Of this ball.
-        images: Those that have not left yet, in the order in which they do.
+        ball: The ball at the launch, with time 0.
+        physics: True physics of this ball.
+        images: Images that have not been published yet, in the order in which they are.
     """
 
     number: int
@@ -55,22 +55,22 @@ class ReadyLaunch:
 
 
 class LaunchStore:
-    """Rendered launches, in the order in which they are flown.
+    """Store of rendered launches, in the order in which they are to be flown.
 
     Attributes:
-        shots: Kind and scale of the launches, in turn; may be changed at any time.
-        ready: STORE launches at most, or the one on request. The simulator's loop takes them from the left.
-        last_image: s, monotonic clock, when the last image of a ball left.
+        shots: Kind and scale of the launches, taken in turn; may be changed at any time.
+        ready: Rendered launches: STORE at most, or the one that was requested. The simulator's loop takes them from the left.
+        last_image: s, monotonic clock, when the last image of a ball was published.
     """
 
     def __init__(self, renderer: LaunchRenderer, shots: list[tuple[str, int]], repeat: int, prepare: Callable[[DelayedImage], Any]) -> None:
         """Start the process that renders.
 
         Args:
-            renderer: What it does.
-            shots: Kind and scale of the launches, in turn.
-            repeat: Launches after which the same ones begin again; 0: never.
-            prepare: Makes the message of an image.
+            renderer: Launcher, cameras and faults for this process.
+            shots: Kind and scale of the launches, taken in turn.
+            repeat: Number of launches after which the same launches begin again; 0: never.
+            prepare: Function that converts an image to the form in which it is published.
         """
         self.shots, self.ready, self.last_image = shots, deque[ReadyLaunch](), float("-inf")
         self._renderer, self._repeat, self._prepare = renderer, repeat, prepare
@@ -109,12 +109,12 @@ class LaunchStore:
         self.ready.clear()
 
     def keep_full(self, is_running: Callable[[], bool], is_wanted: Callable[[], bool], render: Callable[[], None]) -> None:
-        """Render ahead for as long as the simulator runs.
+        """Render launches in advance until the simulator ends; to be run in a thread.
 
         Args:
-            is_running: Whether it goes on.
-            is_wanted: Whether launches are rendered without a request.
-            render: What to call for the next launch.
+            is_running: Tells whether the simulator still runs.
+            is_wanted: Tells whether launches are rendered without a request.
+            render: Called to render the next launch.
         """
         while is_running():
             if is_wanted() and len(self.ready) < STORE and time.monotonic() > self.last_image + QUIET:

@@ -1,8 +1,8 @@
-"""What a camera sees of a marked ball: rays on a sphere, motion blur, lens blur, noise.
+"""Rendering of camera images of a marked ball: rays on a sphere, motion blur, lens blur and noise.
 
-The kernels of the pixels are in single precision and loop over the rays of a pixel without a branch, so that the compiler vectorizes them.
-For that they read one array and write one array, at constant offsets. They work in the frame of the line of sight to the ball, z along it,
-in units of the ball's radius, where all numbers are near 1.
+The compiled functions for pixels are in single precision and loop over the rays of a pixel without a branch, so that the compiler
+vectorizes them. For this purpose they read one array and write one array, at constant offsets. They work in the frame of the line of sight
+to the ball, whose z axis points to the ball, in units of the ball's radius, so that all numbers are near 1.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from tt_core.states import Array, BallState
 from tt_vision.camera import Camera
 from tt_vision.projection import project_point, ray, to_camera, unpack_camera
 
-SAMPLES = 16  # rays a pixel, each at its own instant of the exposure: 0.5 grey levels rms
+SAMPLES = 16  # rays per pixel, each at its own time within the exposure: 0.5 grey levels rms
 FACE = 256  # texels along one face of the cube of a texture; a texel is 0.2 pixels of the image
 SHARPNESS = 5  # doublings of the cosine power of the specular lobe: cos^32, a lobe of 20 deg as of matt celluloid
 
-ROW = 2 * SAMPLES  # columns of the table of instants, which holds them twice, so that a pixel may begin at any of them
+ROW = 2 * SAMPLES  # columns of the table of ray times, which holds them twice, so that a pixel may begin at any of them
 ZERO, HALF, ONE, TWO = (np.float32(x) for x in (0.0, 0.5, 1.0, 2.0))  # a plain number would make all double
 GOLDEN = (np.outer([0.7548776662466927, 0.5698402909980532], np.arange(1, SAMPLES + 1)) % 1.0).astype(np.float32)  # sub-pixel places
 LEVELS = 1 << 16
@@ -38,11 +38,11 @@ Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """The surface of a ball.
+    """Surface of a ball: albedo with the marks, and gloss.
 
     Attributes:
         albedo: (6, n, n) on the faces +x, -x, +y, -y, +z, -z of a cube in the frame of the ball.
-        gloss: Specular part at normal view; 0.04 is smooth plastic.
+        gloss: Specular reflectance at normal view; 0.04 is smooth plastic.
     """
 
     albedo: npt.NDArray[np.float32]
@@ -50,17 +50,23 @@ class Texture:
 
     @classmethod
     def plain(cls, albedo: float = 0.85) -> Texture:
-        """Make a ball without marks."""
+        """Return the surface of a ball without marks.
+
+        Args:
+            albedo: Share of the light that the ball reflects.
+        """
         return cls(np.full((6, FACE, FACE), albedo, dtype=np.float32))
 
     @classmethod
     def drawn(cls, seed: int = 0, *, blobs: int = 12, coverage: float = 0.13, white: float = 0.85, dark: float = 0.08) -> Texture:
-        """Make a white ball with dark marks as if drawn by hand: lines, rectangles, ellipses and irregular spots, no two alike.
+        """Return the surface of a white ball with dark marks as if drawn by hand.
+
+        The marks are lines, rectangles, ellipses and irregular spots, all different.
 
         Args:
-            seed: Of the marks.
+            seed: Seed of the marks.
             blobs: Number of marks.
-            coverage: Part of the surface that the marks cover; 13 % are measured on the dissertation's Figure 2.3.
+            coverage: Share of the surface that the marks cover; 13 % are measured on the dissertation's Figure 2.3.
             white: Albedo of the ball.
             dark: Albedo of the marks.
         """
@@ -151,10 +157,11 @@ class Lamp:
     """A small lamp.
 
     Attributes:
-        position: m, in `table`.
-        strength: Grey (1 is full scale) of an ideal white surface that faces it from 1 m; it falls with the square of the distance.
-        flicker: Relative amplitude of its ripple; 0.02 is a 300 W halogen filament on alternating current.
-        ripple: 1/s, twice the mains.
+        position: (3,) m, in `table`.
+        strength: Grey level (1 is full scale) of an ideal white surface that faces the lamp from 1 m; it falls with the square of the
+            distance.
+        flicker: Relative amplitude of its periodic change; 0.02 is a 300 W halogen filament on alternating current.
+        ripple: 1/s, frequency of this change, twice that of the mains.
     """
 
     position: tuple[float, float, float]
@@ -169,8 +176,8 @@ class Lamps:
 
     Attributes:
         lamps: Two as in dissertation Section 2.5: 0.7 m from the ball above the left camera, and 1 m from it right of the right camera.
-        ambient: Grey of an ideal white surface without the lamps.
-        background: Grey of the black cloth behind.
+        ambient: Grey level (1 is full scale) of an ideal white surface without the lamps.
+        background: Grey level of the black cloth behind the ball.
     """
 
     lamps: tuple[Lamp, ...] = (
@@ -183,14 +190,15 @@ class Lamps:
 
 @dataclass(frozen=True)
 class Noise:
-    """Lens and sensor.
+    """Blur of the lens, and noise and resolution of the sensor.
 
     Attributes:
         lens_blur: Pixels, standard deviation of the point spread.
-        full_scale: Electrons. Dissertation Table A.6 gives 1.4 V / (10.7 uV per electron) = 130 ke-; 20 ke- is the careful choice.
+        full_scale: Electrons at full scale. Dissertation Table A.6 gives 1.4 V / (10.7 uV per electron) = 130 ke-; 20 ke- is a cautious
+            choice.
         read: Electrons, read noise; dissertation Table A.6: 0.7 mV / (10.7 uV per electron).
-        bits: Of a grey level, 1 to 16.
-        gamma: 1 is linear.
+        bits: Number of bits of a grey level, 1 to 16.
+        gamma: Gamma of the grey levels: they are the (1 / gamma)-th power of the light; 1 is linear.
     """
 
     lens_blur: float = 0.6
@@ -209,10 +217,10 @@ class Noise:
 
 @dataclass(frozen=True)
 class Scene:
-    """What the cameras share.
+    """What all cameras have in common: the marks on the ball, the light and the sensor.
 
     Attributes:
-        texture: The ball's marks.
+        texture: Surface of the ball with its marks.
         lamps: The light.
         noise: Lens and sensor.
     """
@@ -236,13 +244,13 @@ def render(
 
     Args:
         camera: The camera.
-        ball: At the middle of the exposure; it moves and spins during the exposure.
-        orientation: (3, 3) ball to `table` at that instant.
-        texture: The ball's marks.
+        ball: The ball at the middle of the exposure; it moves and spins during the exposure.
+        orientation: (3, 3) from the ball's frame to `table` at this time.
+        texture: Surface of the ball with its marks.
         lamps: The light.
         exposure: s.
         noise: Lens and sensor.
-        rng: Of sub-pixel places and noise.
+        rng: Random numbers for the places of rays within pixels and for the noise.
 
     Returns:
         (height, width) uint8, or uint16 above 8 bits.

@@ -1,4 +1,4 @@
-"""The simulator's loop, without ROS: ticks of arm and balls at whole multiples, frames at their stamps, launches when they are ready."""
+"""The simulator's loop, without ROS: ticks (steps) of arm and balls at multiples of a period, images at their stamps, and launches."""
 
 from __future__ import annotations
 
@@ -24,52 +24,64 @@ from .world.outcome import Outcome
 from .world.plant import Plant
 from .world_file import WorldParams
 
-PAUSE = 0.25  # s, at least, between two reports about the drives
-HOLD = 0.005  # s between two looks whether simulated time goes on
-ROUNDING = 1e-6  # s; a time of today is known to 2.4e-7
+PAUSE = 0.25  # s, least time between two reports about the drives
+HOLD = 0.005  # s between two checks whether simulated time continues
+ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
 RECORD = 1.0  # s between two reports about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
 
 
 class Outputs(Protocol):
-    """Who takes what the simulator makes; called by the thread of the loop."""
+    """Receiver of what the simulator produces; the thread of the loop calls its methods."""
 
     def publish_image(self, side: int, stamp: float, message: Any) -> None:
-        """Take an image (0 left, 1 right) with its stamp (s)."""
+        """Take an image message of a camera.
+
+        Args:
+            side: Camera: 0 left, 1 right.
+            stamp: s, middle of the exposure by the clock of the cameras.
+            message: The image, in the form in which it is published.
+        """
 
     def publish_clock(self, now: float) -> None:
         """Take the simulated time (s)."""
 
     def publish_ball(self, ball: BallState) -> None:
-        """Take a ball at its launch."""
+        """Take the state of a ball at its launch."""
 
     def publish_joints(self, joints: Joints, effort: Array) -> None:
-        """Take the measured joints and the torques (7,) N m of their motors."""
+        """Take the measured state of the joints, and the torques (n,) in N m of their motors."""
 
     def publish_truth(self, tick: Tick) -> None:
-        """Take what is true at the end of a tick."""
+        """Take the true state of arm and ball at the end of a tick."""
 
     def wants_pixels(self) -> bool:
-        """Return whether somebody listens to the wide cameras."""
+        """Tell whether any node needs the pixels of the wide cameras."""
 
     def publish_pixel(self, side: int, stamp: float, pixel: Array) -> None:
-        """Take the pixel (2,) at which a wide camera (0 left, 1 right) saw the ball, and its stamp (s)."""
+        """Take the pixel at which a wide camera saw the ball.
+
+        Args:
+            side: Camera: 0 left, 1 right.
+            stamp: s, middle of the exposure.
+            pixel: (2,) column and row of the ball's centre.
+        """
 
     def report_drive(self, is_braking: bool) -> None:
-        """Take whether the drives brake, when that has changed."""
+        """Take whether the drives brake, because there is no valid command; called when this has changed."""
 
     def report_record(self, record: ArmRecord) -> None:
-        """Take the record of the true arm."""
+        """Take the extreme values of the true arm since the start."""
 
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
-        """Take what became of a ball."""
+        """Take the result of a ball that has landed or is lost."""
 
 
 class SimLoop:
-    """The simulated robot in real time.
+    """Loop that runs the simulated robot in real time.
 
     Attributes:
-        rate: Launches in a minute; 0: as they are ready, one ball at a time. May be changed at any time.
+        rate: Launches per minute. 0: a ball is launched as soon as it is ready, one at a time. May be changed at any time.
     """
 
     def __init__(
@@ -85,13 +97,13 @@ class SimLoop:
         """Prepare the loop.
 
         Args:
-            params: Of the simulator.
-            world: What is true.
-            plant: The arm.
-            drive: What it is told.
-            launches: Rendered balls.
-            dark: An image without a ball of each camera, in the form in which it is published.
-            outputs: Who takes what the simulator makes.
+            params: Parameters of the simulator.
+            world: True physics and faults of the hardware.
+            plant: The simulated arm.
+            drive: The drives of the arm, which receive the commands.
+            launches: Launches whose images are rendered.
+            dark: An image without a ball for each camera, in the form in which it is published.
+            outputs: Receiver of what the simulator produces.
         """
         self.rate = 0.0
         self._allowed = np.inf  # s, simulated time at which the loop stands still; may be in the past
@@ -99,7 +111,7 @@ class SimLoop:
         self._dark, self._outputs = dark if params.always_on else (), outputs
 
     def run(self, is_running: Callable[[], bool]) -> None:
-        """Keep the deadlines of ticks and frames until `is_running` says no."""
+        """Simulate ticks and publish images at their times, until `is_running` returns False."""
         self._begin()
         pace, frames, robot, tick = self._pace, self._frames, self._robot, self._params.tick
         while is_running():
@@ -119,15 +131,19 @@ class SimLoop:
 
     @property
     def paused(self) -> bool:
-        """Whether simulated time stands still, but for steps."""
+        """Whether simulated time is stopped, except for steps."""
         return self._allowed < np.inf
 
     def pause(self, on: bool) -> None:
-        """Let simulated time stand still, or go on. Another thread may call it."""
+        """Stop simulated time if `on`, else continue it. Another thread may call this method."""
         self._allowed = -np.inf if on else np.inf
 
     def step(self, duration: float) -> float:
-        """Let simulated time go on by `duration` (s) from where it stands still; return where it will stand then, s."""
+        """Let stopped simulated time continue by `duration` (s).
+
+        Returns:
+            The simulated time at which it stops again, s.
+        """
         self._allowed = max(self._allowed, self._robot.joints.time) + duration
         return self._allowed
 

@@ -1,7 +1,8 @@
-"""Stands in for the hardware: launcher, ball, cameras and arm in one process, paced in real time.
+"""Simulates the hardware: launcher, ball, cameras and arm in one process, in real time.
 
-A launch is rendered first, by another process, and flown when its images are ready: a flight up to the racket is known beforehand. A thread
-keeps the deadlines of frames and ticks, because timers of rclpy drift. What nobody subscribes to is not published.
+Another process renders the images of a launched ball first, and the ball flies when they are ready: its flight up to the racket is known
+before. A thread keeps the times of frames and ticks (steps of the simulation), because timers of rclpy drift. Topics without subscribers
+are not published.
 """
 
 from __future__ import annotations
@@ -63,13 +64,13 @@ from .world.outcome import Outcome
 from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
-SWITCH = 5e-4  # s, that the thread of the deadlines waits at most for another one's Python
+SWITCH = 5e-4  # s, longest time that the thread of SimLoop waits for another thread of Python
 LARGEST = 4096  # bytes of a command
 DARK = 8  # grey level of an image without a ball
 
 
 class SimLine(Enum):
-    """What the terminal tells."""
+    """Lines that this node writes to the terminal."""
 
     LANDED = (
         "ball {number}, {shot}: {result}; hit {offset:.0f} mm off the centre, came down at {landing[0]:.2f}, {landing[1]:.2f} m "
@@ -88,9 +89,10 @@ class SimFailure(Enum):
 
 
 class SimNode(Node):
-    """Take commands and requests for launches; publish images, pixels of the wide cameras, joint states, the clock and the truth.
+    """ROS node that simulates launcher, ball, cameras and arm.
 
-    The methods publish_*, report_* and wants_pixels are called by the thread of SimLoop.
+    It takes joint velocity commands and requests for launches. It publishes images, pixels of the wide cameras, joint states, the clock,
+    and the true states of ball and racket. The thread of SimLoop calls the methods publish_*, report_* and wants_pixels.
     """
 
     def __init__(self) -> None:
@@ -142,7 +144,14 @@ class SimNode(Node):
         ).start()
 
     def chosen_world(self) -> WorldParams:
-        """Return the world of the parameter `world`, or that of the single parameters; TtError if both are given."""
+        """Return the world, the true physics and faults of the hardware, that the parameters choose.
+
+        It is that of the parameter `world`, or else that of the parameters of physics and arm (`plant.*`).
+
+        Raises:
+            TtError: `world` is set, and so are parameters of physics or arm.
+            BadFile: The file of the world cannot be read, or a value in it is wrong.
+        """
         own = WorldParams(declare_physics(self), plant=declare(self, PlantParams, "plant."))
         if not self.params.world:
             return own
@@ -151,7 +160,7 @@ class SimNode(Node):
         return load_world(self.params.world)
 
     def create_publishers(self) -> None:
-        """Create all publishers, and publish the camera infos."""
+        """Create all publishers, and publish the calibrations of the cameras."""
         self.status = Status(self, hardware="simulator")
         self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", SENSOR) for name in SIDES]
         names, cameras = SIDES + WIDE_SIDES, high_speed_pair() + wide_pair()
@@ -191,7 +200,7 @@ class SimNode(Node):
             self.refused(error)
 
     def check_sole_publisher(self) -> None:
-        """Make the drive ignore all commands while more than one node publishes them."""
+        """Make the drives ignore all commands while more than one node publishes commands."""
         names = [f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in self.get_publishers_info_by_topic(self.commands.topic)]
         sole = len(names) <= 1
         if sole != self.drive.sole:
@@ -207,7 +216,7 @@ class SimNode(Node):
         self.status.publish(str(failure or state), part=part, warn=failure is not None, reason=failure, code=code, **values)
 
     def on_launch(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Launch the next ball, unless balls are launched at a rate or one is in flight."""
+        """Launch the next ball on request (service launcher/launch); refuse it if balls are launched at a rate or one is in flight."""
         if self.loop.rate or self.busy.is_set():
             response.message = (
                 "refused: balls are launched at a rate" if self.loop.rate else "refused: the previous ball is still in flight"
@@ -219,7 +228,7 @@ class SimNode(Node):
         return response
 
     def on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Let simulated time stand still or go on, the service sim/pause."""
+        """Stop or continue the simulated time (service sim/pause); refuse it if the nodes follow the system clock."""
         if request.data and not self.get_parameter("use_sim_time").value:
             response.message = "refused: the nodes follow the system clock, which does not pause; start with use_sim_time:=true"
             return response
@@ -228,7 +237,7 @@ class SimNode(Node):
         return response
 
     def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Let the parameter `step` of simulated time pass, the service sim/step."""
+        """Let simulated time continue by the parameter `step` (service sim/step); refuse it if simulated time is not stopped."""
         if not self.loop.paused:
             response.message = "refused: simulated time does not stand still"
             return response
@@ -236,7 +245,7 @@ class SimNode(Node):
         return response
 
     def render(self) -> None:
-        """Render the next launch; without cameras the node ends."""
+        """Render the images of the next launch; end the node if the process that renders has ended."""
         try:
             self.launches.render()
         except EOFError:
@@ -244,7 +253,7 @@ class SimNode(Node):
             raise
 
     def keep_pace(self) -> None:
-        """Run the loop until the node is shut down; without it the node ends."""
+        """Run SimLoop until the node is shut down; end the node if the loop fails."""
         try:
             self.loop.run(self.context.ok)
         except BaseException:
@@ -257,25 +266,40 @@ class SimNode(Node):
         self.launches.close()
 
     def publish_image(self, side: int, stamped: float, message: Image) -> None:
-        """Publish an image with its stamp."""
+        """Publish an image.
+
+        Args:
+            side: Camera: 0 left, 1 right.
+            stamped: s, middle of the exposure by the clock of the cameras.
+            message: The image; its stamp is set here.
+        """
         message.header.stamp = stamp(stamped)
         self.images[side].publish(message)
 
     def publish_clock(self, now: float) -> None:
-        """Publish the simulated time."""
+        """Publish the simulated time `now` (s) on /clock if a node subscribes to it."""
         if is_heard(self.clock):
             self.clock.publish(Clock(clock=stamp(now)))
 
     def publish_ball(self, ball: BallState) -> None:
-        """Publish the true ball."""
+        """Publish the true state of a ball on sim/ball."""
         self.publish(self.true_ball, ball_to_message, ball)
 
     def publish_joints(self, joints: Joints, effort: Array) -> None:
-        """Publish joint states: measured positions and speeds, and the motor torques as effort."""
+        """Publish the joint states.
+
+        Args:
+            joints: Measured positions and speeds.
+            effort: (n,) N m, torques of the motors.
+        """
         self.publish(self.joints, joints_to_message, self.arm.names, joints.time, joints.q, joints.qdot, effort)
 
     def publish_truth(self, tick: Tick) -> None:
-        """Publish ball and racket while a ball flies; a contact becomes two states of one time."""
+        """Publish the true states of the racket and of the ball in flight at the end of a tick, one step of the simulation.
+
+        For each contact of the ball during the tick the states before and after it are published, with the same stamp. Racket and ball at
+        the end of the tick are not published if no ball is in flight.
+        """
         balls = [ball for contact in tick.contacts for ball in (contact.before, contact.after)]
         if tick.ball is not None:
             balls.append(tick.ball)
@@ -287,11 +311,17 @@ class SimNode(Node):
                 self.publish_ball(ball)
 
     def wants_pixels(self) -> bool:
-        """Return whether somebody subscribes to the wide cameras."""
+        """Tell whether any node subscribes to the pixels of the wide cameras."""
         return any(map(is_heard, self.pixels))
 
     def publish_pixel(self, side: int, stamped: float, pixel: Array) -> None:
-        """Publish the pixel of the ball of a wide camera."""
+        """Publish the pixel of the ball that a wide camera has found.
+
+        Args:
+            side: Camera: 0 left, 1 right.
+            stamped: s, middle of the exposure.
+            pixel: (2,) column and row of the ball's centre.
+        """
         self.pixels[side].publish(pixel_to_message(stamped, pixel, f"{WIDE_SIDES[side]}_optical"))
 
     def report_drive(self, is_braking: bool) -> None:
@@ -304,7 +334,7 @@ class SimNode(Node):
         self.tell("bounds kept", None if record.kept else Failure(SimFailure.BOUND_BROKEN), "arm record", **record.to_text())
 
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
-        """Report what became of a ball; clear `busy` first, since who hears of it may launch at once."""
+        """Report the result of a ball. `busy` is cleared first, because a node that receives the report may request a launch at once."""
         self.busy.clear()
         self.status.publish(Event.BALL_OVER, number=launch.number, shot=launch.shot, **outcome.to_text())
         values = {"number": launch.number, "shot": launch.shot, "result": outcome.result.value}
@@ -316,13 +346,19 @@ class SimNode(Node):
         self.status.terminal.info(SimLine.LANDED, offset=1e3 * hit.offset, **values)
 
     def publish(self, publisher: Publisher, convert: Callable[..., Any], *values: Any) -> None:
-        """Publish what `convert` makes of the values, in the message that was published there last."""
+        """Publish a converted state, and use the same message again for each publisher.
+
+        Args:
+            publisher: The publisher.
+            convert: Function of tt_core.ros.convert that fills a message; its last argument is the message to fill, or None.
+            values: Its other arguments.
+        """
         message = self.filled[publisher] = convert(*values, self.filled.get(publisher))
         publisher.publish(message)
 
 
 def is_heard(publisher: Publisher) -> bool:
-    """Return whether somebody subscribes."""
+    """Tell whether any node subscribes to the publisher's topic."""
     return publisher.get_subscription_count() > 0
 
 

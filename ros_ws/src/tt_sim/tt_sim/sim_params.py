@@ -1,4 +1,4 @@
-"""Parameters of the simulator itself; those of launcher, arm, drives and models are beside what they are of."""
+"""Parameters of the simulator itself. Those of launcher, arm, drives and models are in the modules of these."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .world.launcher import shot
 
 @dataclass(frozen=True)
 class SimParams:
-    """What is simulated, how fast and how often."""
+    """Parameters of the simulation: what is simulated, how fast and in which steps."""
 
     rtf: float = param(1.0, "", "simulated seconds per real second", low=0.01, high=10.0)
     seed: int = param(0, "", "seed of all random numbers of the simulator", low=0, high=2**31)
@@ -37,5 +37,9 @@ class SimParams:
 
     @property
     def all_shots(self) -> list[tuple[str, int]]:
-        """Kind and scale of each shot."""
+        """Kind and scale of each shot, e.g. ("top", 3).
+
+        Raises:
+            TtError: A text is not a kind and a scale, or there is no such kind or scale.
+        """
         return [shot(text) for text in self.shots]

@@ -1,4 +1,4 @@
-"""Arm and balls together, tick by tick: what commands do to joints, racket and balls."""
+"""Simulation of arm and balls together in ticks, steps of fixed duration: what commands do to joints, racket and balls."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ LONGEST_RALLY = 10.0  # s after the launch, when a ball is over wherever it is
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tick:
-    """What is true at the end of a tick.
+    """True state at the end of a tick, one step of the simulated robot.
 
     Attributes:
-        joints: Of the arm.
-        racket: Of the arm.
-        contacts: Of the last launched ball during the tick.
-        ball: The last launched ball; None when it does not fly.
-        ended: What became of the balls that ended in this tick.
+        joints: Joints of the arm.
+        racket: Racket on the arm.
+        contacts: Contacts of the last launched ball during the tick.
+        ball: The last launched ball; None if it does not fly.
+        ended: Results of the balls that ended in this tick.
     """
 
     joints: Joints
@@ -37,23 +37,23 @@ class Tick:
 
 
 class SimulatedRobot:
-    """The simulated arm and the balls in flight, which do not touch each other.
+    """The simulated arm and the balls in flight. The balls do not touch each other.
 
     Attributes:
         plant: The arm.
-        tick: s.
-        joints: Now.
-        outcome: Of the last launched ball, so far; None before the first.
+        tick: s, duration of a tick, one step.
+        joints: State of the joints now.
+        outcome: Flight of the last launched ball so far; None before the first.
     """
 
     def __init__(self, physics: Physics, plant: Plant, joints: Joints, tick: float) -> None:
-        """Begin without a ball.
+        """Start without a ball.
 
         Args:
-            physics: Of balls that are launched without one of their own.
+            physics: True physics of balls that are launched without a physics of their own.
             plant: The arm.
-            joints: Where the arm starts.
-            tick: s.
+            joints: State of the joints at the start.
+            tick: s, duration of a tick.
         """
         self.plant, self.tick, self.joints = plant, tick, joints
         self.outcome: Outcome | None = None
@@ -65,11 +65,11 @@ class SimulatedRobot:
         """Add a ball.
 
         Args:
-            ball: At its launch; it flies from its own time on.
-            physics: For this ball alone; None: that of all.
+            ball: The ball at its launch. It flies from its own time on.
+            physics: True physics of this ball; None for that of all balls.
 
         Returns:
-            What becomes of it, filled in tick by tick.
+            The record of its flight, to which each tick adds contacts.
         """
         self.outcome = Outcome(ball)
         world = World(physics or self._physics)
@@ -78,7 +78,11 @@ class SimulatedRobot:
         return self.outcome
 
     def advance(self, command: Array) -> Tick:
-        """Move arm and balls by one tick under a command (n,) rad/s."""
+        """Move arm and balls by one tick.
+
+        Args:
+            command: (n,) rad/s, joint velocities.
+        """
         self.joints = self.plant.advance(self.joints, command, self.tick)
         racket = self.plant.racket(self.joints)
         before, self._racket_row = self._racket_row, racket.row
@@ -100,7 +104,7 @@ class SimulatedRobot:
 
 
 def warm(plant: Plant) -> None:
-    """Load the kernels, so that no tick waits for them."""
+    """Load the compiled functions by a simulated ball, so that no tick has to wait for them."""
     robot = SimulatedRobot(Physics.liu(), plant, Joints.at_rest(0.0, plant.model.waiting), 0.002)
     robot.launch(BallState.from_vector(0.0, np.array([2.6, 0.76, 0.4, -5.0, 0.0, 1.0, 0.0, -300.0, 0.0])))
     ArmRecord(plant.model, robot.joints)

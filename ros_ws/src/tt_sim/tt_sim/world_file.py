@@ -1,4 +1,7 @@
-"""What is true in the simulator: physics, its randomization, cameras and arm. `worlds/` holds a YAML file for each world."""
+"""Worlds: what is true in the simulator, i.e. physics, its randomization, faults of the cameras, and the arm.
+
+The folder `worlds/` holds a YAML file for each world.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +20,21 @@ from .world.plant import PlantParams
 from .world.true_ball import LEAST_CONTACT
 
 WORLDS = Path(__file__).parent / "worlds"
-_SESSIONS = 3  # second part of the seeds of sessions, which keeps them apart from those of balls
+_SESSIONS = 3  # second part of the seeds of sessions, which makes them differ from the seeds of balls
 
 
 @dataclass(frozen=True)
 class WorldParams:
-    """What is true in the simulator.
+    """A world: what is true in the simulator.
 
     Attributes:
         physics: Models of air, table and rubber.
-        session_randomization: How much their coefficients differ from session to session.
-        domain_randomization: How much they differ from ball to ball in a session.
+        session_randomization: Random differences of their coefficients from session to session.
+        domain_randomization: Random differences of their coefficients from ball to ball in a session.
         cameras: Faults of the high-speed cameras.
         tracking_cameras: Faults of the wide cameras.
-        plant: The arm.
-        sensor_error_model: Name of a file of `tt_eval/sensor_error_models/`: errors of the measured ball where no images are rendered.
+        plant: The simulated arm.
+        sensor_error_model: Name of a file in `tt_eval/sensor_error_models/`: errors of the measured ball if no images are rendered.
     """
 
     physics: Physics = field(default_factory=Physics.liu)
@@ -47,19 +50,23 @@ class WorldParams:
         check_range("physics.contact_height", self.physics.contact_height, LEAST_CONTACT, 0.1)
 
     def of_session(self, number: int) -> WorldParams:
-        """Return the world with the coefficients of one session; number: of the session, its seed."""
+        """Return the world with the coefficients of one session, which are drawn at random.
+
+        Args:
+            number: Number of the session, used as the seed.
+        """
         rng = np.random.default_rng([number, _SESSIONS])
         return replace(self, physics=self.session_randomization.draw(self.physics, rng))
 
 
 def load_world(name: str) -> WorldParams:
-    """Read a world.
+    """Read a world from its file.
 
     Args:
-        name: Of a file in `worlds/`, without suffix, or the path of another one.
+        name: Name of a file in `worlds/`, without suffix, or the path of another one.
 
     Raises:
-        BadFile: It cannot be read, or something in it is wrong.
+        BadFile: The file cannot be read, or a value in it is wrong.
     """
     file = find(name, WORLDS)
     return build(WorldParams, read(file), file.name)

@@ -1,1 +1,1 @@
-"""The only code that knows messages, parameters, quality of service and executors; written once, used by every node."""
+"""The only code that uses messages, parameters, quality of service and executors of ROS. All nodes share it."""

@@ -1,7 +1,7 @@
-"""Read bags of every kind: ROS 1 and ROS 2, MCAP and SQLite, one file or several, compressed or not.
+"""Reading of bags of every kind: ROS 1 and ROS 2, MCAP and SQLite, one file or several, compressed or not.
 
-The formats are those that `rosbags` reads. Messages of ROS 1 are given as the messages of ROS 2 Jazzy that have the same name.
-This module needs no installed ROS.
+The formats are those that `rosbags` reads. Messages of ROS 1 are converted to the messages of ROS 2 Jazzy with the same name. This module
+needs no installed ROS.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class Topic:
     Attributes:
         name: Name of the topic.
         kind: Message type, e.g. "sensor_msgs/msg/Image".
-        count: Messages in the bag.
+        count: Number of its messages in the bag.
         offered: Quality of service of each recorded publisher, as far as it is known.
-        refusal: Why its messages cannot be given; "" if they can.
+        refusal: Why its messages cannot be read; "" if they can.
     """
 
     name: str
@@ -53,7 +53,14 @@ class Topic:
 
 
 class Message(NamedTuple):
-    """A recorded message. time: ns, when it was received. data: CDR."""
+    """A recorded message.
+
+    Attributes:
+        topic: Name of the topic.
+        kind: Message type, e.g. "sensor_msgs/msg/Image".
+        time: Time when it was received, ns.
+        data: The serialized message, in the format CDR of ROS 2.
+    """
 
     topic: str
     kind: str
@@ -65,13 +72,13 @@ class Bag:
     """An open bag, to be used as a context manager.
 
     Attributes:
-        path: What was opened.
-        topics: All topics; those of which `refusal` is not empty give no messages.
-        count: Messages of all topics.
-        start: ns, time of the first message, 0 without messages.
-        end: ns, time of the last message, 0 without messages.
+        path: Path of the bag.
+        topics: All topics. Those whose `refusal` is not empty have no messages that can be read.
+        count: Number of messages of all topics.
+        start: Time of the first message, ns; 0 without messages.
+        end: Time of the last message, ns; 0 without messages.
         size: Bytes of its files.
-        custom: What its recorder noted in the metadata, by key.
+        custom: Entries that the recorder added to the metadata, by key.
     """
 
     def __init__(self, path: Path) -> None:
@@ -81,7 +88,7 @@ class Bag:
             path: A file *.mcap, *.db3 or *.bag, the directory of a rosbag2 recording, or a directory of such files.
 
         Raises:
-            BagError: If there is nothing of that name, no bag, or a damaged one.
+            BagError: The path does not exist, is no bag, or the bag is damaged.
         """
         self.path = Path(path)
         files = bag_files(self.path)
@@ -111,16 +118,16 @@ class Bag:
                 self.custom |= reader.storage.metadata.custom or {}
 
     def find(self, name: str) -> str | None:
-        """Return the full name of a topic, in whatever namespace it was recorded.
+        """Return the full name of a topic, whatever namespace it was recorded in.
 
         Args:
-            name: Relative, e.g. "ball/path", which "/ball/path" and "/robot1/ball/path" end with.
+            name: Relative name, e.g. "ball/path", which fits "/ball/path" and "/robot1/ball/path".
 
         Returns:
-            The topic, that without a namespace if there is one, or None.
+            The full name; the one without a namespace if it exists; None if no topic fits.
 
         Raises:
-            BagError: Several namespaces have it.
+            BagError: Several namespaces have the topic.
         """
         found = sorted({topic.name for topic in self.topics if topic.name.endswith(f"/{name}")})
         if f"/{name}" in found or not found:
@@ -133,15 +140,15 @@ class Bag:
         """Read messages in the order of time.
 
         Args:
-            topics: Names of the topics wanted; all if empty.
-            start: ns, of the first message wanted; from the first one if None.
-            stop: ns, of the last message wanted; to the last one if None.
+            topics: Names of the topics wanted; all topics if empty.
+            start: Time of the first message wanted, ns; None for the start of the bag.
+            stop: Time of the last message wanted, ns; None for the end of the bag.
 
         Yields:
-            The messages of those topics that can be given.
+            The messages of these topics, except topics with a `refusal`.
 
         Raises:
-            BagError: If the bag is damaged at that place.
+            BagError: The bag is damaged at this place.
         """
         refused = {(topic.name, topic.kind) for topic in self.topics if topic.refusal}
         wanted = [c for c in self._connections if (not topics or c.topic in topics) and (c.topic, c.msgtype) not in refused]
@@ -160,13 +167,13 @@ class Bag:
             raise BagError(f"{self.path} is damaged after {count} messages: {_words(error)}{advice(self.path)}") from error
 
     def decode(self, message: Message) -> Any:
-        """Give a message as an object with the fields of its type.
+        """Return a message as an object with the fields of its type.
 
         Args:
-            message: From `messages`.
+            message: A message that `messages` has returned.
 
         Raises:
-            BagError: If neither the bag nor ROS 2 Jazzy defines the type, or the bytes are no message of it.
+            BagError: Neither the bag nor ROS 2 Jazzy defines the type, or the bytes are no message of this type.
         """
         types = TYPES if self._is_ros1 else self._types
         if message.kind not in types.fielddefs:
@@ -230,13 +237,13 @@ def bag_files(path: Path) -> list[Path]:
     """Find the files of a bag.
 
     Args:
-        path: The bag, as for `Bag`.
+        path: Path of the bag, as for `Bag`.
 
     Returns:
-        The files that hold its messages, by name.
+        The files that hold its messages, sorted by name.
 
     Raises:
-        BagError: If there is nothing of that name or no such file in it.
+        BagError: The path does not exist, or no file there holds messages.
     """
     if not path.exists():
         raise BagError(f"there is no file or folder {path}")
@@ -251,13 +258,13 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def unpacked(data: bytes) -> bytes:
-    """Give the CDR bytes of a recorded message, which rosbag2 may have compressed one by one. CDR itself begins with a 0."""
+    """Return the CDR bytes of a recorded message, decompressed if rosbag2 has compressed it by itself. CDR itself begins with a 0."""
     data = bytes(data)
     return zstandard.ZstdDecompressor().decompressobj().decompress(data) if data[:4] == zstandard.FRAME_HEADER else data
 
 
 def advice(path: Path) -> str:
-    """What may be done about a damaged bag; "" where nothing helps."""
+    """Return what a user can do about a damaged bag, to be added to an error message; "" if nothing helps."""
     with suppress(BagError, OSError):
         files = bag_files(path)
         if all(file.suffix == ".mcap" and file.stat().st_size for file in files):

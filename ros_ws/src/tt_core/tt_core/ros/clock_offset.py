@@ -1,14 +1,14 @@
-"""Compares the clock of a node with those of the nodes whose stamps it uses.
+"""Comparison of a node's clock with the clocks of the nodes whose stamps it uses.
 
-The node that asks publishes `clock_offset/ping`. Every node that stamps data answers on `clock_offset/pong`. Both are
+A node asks for the time on `clock_offset/ping`. Every node that stamps data answers on `clock_offset/pong`. Both topics carry
 sensor_msgs/TimeReference:
 
 | field | ping | pong |
 |---|---|---|
-| header.stamp | t1, the clock of who asks | t2, the clock of who answers |
-| source | name of who asks | name of who answers |
+| header.stamp | t1, clock of the node that asks | t2, clock of the node that answers |
+| source | name of the node that asks | name of the node that answers |
 | time_ref | | t1 |
-| header.frame_id | | name of who asks |
+| header.frame_id | | name of the node that asks |
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ PING, PONG = "clock_offset/ping", "clock_offset/pong"
 PERIOD = 0.25  # s between two questions
 TOLD = 1.0  # s between two reports
 LARGEST = 1024  # bytes of a message
-PENDING = 16  # questions that may be answered, those of the last 4 s
+PENDING = 16  # last questions whose answers are accepted, those of 4 s
 
 
 def answer_clock_pings(node: Node) -> None:
-    """Answer every question for the time with the clock by which `node` stamps its data."""
+    """Make `node` answer all questions for its time (pings), with the clock by which it stamps its data."""
     pongs = node.create_publisher(TimeReference, PONG, SENSOR)
 
     def answer(ping: TimeReference) -> None:
@@ -49,18 +49,18 @@ def answer_clock_pings(node: Node) -> None:
 
 
 class ClockMonitor:
-    """Ask the time of all nodes that answer, and tell on /diagnostics how far their clocks are off.
+    """Measures the clock offsets of all nodes that answer pings, and publishes them on /diagnostics.
 
-    With `use_sim_time` all nodes follow /clock and there is nothing to compare: then nothing is asked or told.
+    With `use_sim_time` all nodes follow /clock, so the monitor neither asks nor publishes.
     """
 
     def __init__(self, node: Node, status: Status, bound: float = 0.002) -> None:
-        """Begin to ask.
+        """Start to ask for the time.
 
         Args:
-            node: Whose clock is compared with the others.
-            status: Where the offsets are told, once a second.
-            bound: s, beyond which an offset is told as a warning.
+            node: The node whose clock is compared with the others.
+            status: Diagnostics of the node, where the offsets are published once a second.
+            bound: s, offset above which the status is a warning.
 
         Raises:
             OutOfRange: `bound` is negative or above 10 s.
@@ -77,7 +77,7 @@ class ClockMonitor:
         node.create_timer(TOLD, self._report, clock=steady)
 
     def worst(self) -> ClockOffset | None:
-        """Return the clock that is off by the most beyond its uncertainty, or None while no node has answered within 10 s."""
+        """Return the clock with the largest offset minus uncertainty, or None if no node has answered in the last 10 s."""
         return self._offsets.worst(self._now())
 
     def _now(self) -> float:
@@ -90,7 +90,7 @@ class ClockMonitor:
         self._pings.publish(ping)
 
     def _on_pong(self, pong: TimeReference) -> None:
-        """Take an answer to one of our last questions; to those of others and to what was never asked we do not listen."""
+        """Take the answer to one of our last questions. Answers to other nodes, and to questions that were not asked, are ignored."""
         now = self._now()
         if pong.header.frame_id == self._node.get_name() and (pong.time_ref.sec, pong.time_ref.nanosec) in self._asked:
             self._offsets.add(pong.source, seconds(pong.time_ref), seconds(pong.header.stamp), now)

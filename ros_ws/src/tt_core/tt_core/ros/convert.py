@@ -1,6 +1,7 @@
-"""Messages to states and back: the only place that does it. Every *_from_message raises TtError for a message that breaks its promise.
+"""Conversion of messages to states and back; only this module does it.
 
-What leaves hundreds of times a second takes a `message` to fill again, one that the same function has made.
+Every *_from_message raises TtError for a message that does not have the form which its topic promises. Functions whose messages are sent
+hundreds of times a second can fill a `message` again that they have made before.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from ..images import MOST_PIXELS, grey_image
 from ..lens import rational_from_fisheye
 from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
 
-UNKNOWN = 1e6  # variance of what is not known
+UNKNOWN = 1e6  # variance of a quantity that is not known
 
-# Bounds of what a message may hold, far outside of what a table tennis hall does. Beyond them it is refused before anything is computed.
+# Bounds of the numbers in messages, far above what occurs in table tennis. A message beyond them is refused before anything is computed.
 PLACE = 100.0  # m, of each coordinate: no hall is larger
 SPEED = 100.0  # m/s, of each component: three times the fastest smashes
 SPIN = 3000.0  # rad/s, of each component: three times the fastest spins, 150 rev/s
@@ -33,14 +34,14 @@ VARIANCE = 1e12  # of anything; what is not known has UNKNOWN or more
 FOCAL = 1e6  # pixels, of every number of K: a field of view of a hundredth of a degree
 LENS = 1e9  # of a distortion coefficient; high orders of narrow lenses are large
 PIXEL = 1e5  # pixels, of where a ball is seen
-NEWEST = 2.0**31 - 1000.0  # s: a stamp and what is computed from it fit into 32 bits
+NEWEST = 2.0**31 - 1000.0  # s, largest stamp: it fits into 32 bits, and so do times that are computed from it
 FROM_START = (-1.0, 100.0)  # s, of time_from_start
 MOST_POINTS = 2000  # of a path: predict_node publishes at most tt_predict.rollout.MOST_POINTS
 MOST_STROKES = 64  # of a list of candidates: racket_node publishes at most tt_racket.intercept.MOST_CANDIDATES
 
 
 def stamp(time: float, message: Time | None = None) -> Time:
-    """Write a time into a stamp.
+    """Convert a time to a stamp.
 
     Args:
         time: s.
@@ -52,12 +53,17 @@ def stamp(time: float, message: Time | None = None) -> Time:
 
 
 def seconds(message: Time | Duration) -> float:
-    """Return a stamp or a duration in s."""
+    """Return a stamp or a duration in s, without a check."""
     return message.sec + message.nanosec * 1e-9
 
 
 def stamp_seconds(message: Time) -> float:
-    """Return the stamp of a message in s; raises BadMessage or OutOfRange for one that is no time."""
+    """Return the stamp of a message in s.
+
+    Raises:
+        BadMessage: The stamp has a second of nanoseconds or more.
+        OutOfRange: The stamp is outside 0 to NEWEST.
+    """
     if message.nanosec >= 10**9:
         raise BadMessage(MessageFailure.BAD_STAMP, sec=message.sec, nanosec=message.nanosec)
     return check_range("stamp, s,", seconds(message), 0.0, NEWEST)
@@ -109,7 +115,7 @@ def _fill(message: Vector3 | Point, v: Array) -> None:
 
 
 def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometry:
-    """Return the message of a ball.
+    """Return a state of the ball as a message.
 
     Odometry has no room for the covariance of position with velocity and spin, so it is left out.
 
@@ -132,7 +138,7 @@ def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometr
 
 
 def ball_from_message(message: Odometry) -> BallState:
-    """Return the ball in a message.
+    """Return the state of the ball in a message, in `table`; its covariance is None if no variance is below UNKNOWN.
 
     Raises:
         TtError: The frames are not `table` and `ball`, a number is outside its bound, or a covariance is not positive semidefinite.
@@ -190,7 +196,7 @@ def _after(point: MultiDOFJointTrajectoryPoint) -> float:
 
 
 def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
-    """Return the message of a path; two points of one time are a bounce.
+    """Return a path, the predicted flight of the ball, as a message. Two points of the same time are a bounce.
 
     Raises:
         TtError: The path has more than MOST_POINTS points, or a number is outside its bound.
@@ -209,10 +215,11 @@ def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
 
 
 def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
-    """Return the path in a message; two points of one time are a bounce.
+    """Return the path in a message, the predicted flight of the ball in `table`. Two points of the same time are a bounce.
 
     Raises:
-        TtError: The message has more than MOST_POINTS points, or a number is outside its bound.
+        TtError: The message is no trajectory of one joint `ball` in `table`, has more than MOST_POINTS points, its times decrease, or a
+            number is outside its bound.
     """
     start = _check(message, "ball", 1, MOST_POINTS)
     times = np.array([start + _after(point) for point in message.points])
@@ -225,7 +232,7 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
 
 
 def path_to_poses(path: BallPath) -> Path:
-    """Return the positions of a path as a message that viewers draw; unlike `path_to_message` it has neither speeds nor spins."""
+    """Return the positions of a path as a message that viewers can draw. Velocities and spins are not in it."""
     message = Path()
     message.header.stamp, message.header.frame_id = stamp(path.times[0]), "table"
     for time, place in zip(path.times.tolist(), path.positions, strict=True):
@@ -237,10 +244,10 @@ def path_to_poses(path: BallPath) -> Path:
 
 
 def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTrajectory:
-    """Return the message of a goal.
+    """Return the goal of a return as a message.
 
     Args:
-        goal: Landing place, flight time and spin that are asked of the return.
+        goal: Landing place, flight time and spin that the returned ball is to have.
         time: s, when the goal was set.
     """
     point = _point(goal.flight_time, [*goal.landing.tolist(), 0.0], [0.0, 0.0, 0.0], [0.0, goal.spin_y, goal.spin_z])
@@ -248,10 +255,10 @@ def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTraject
 
 
 def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
-    """Return the goal in a message.
+    """Return the goal of a return in a message.
 
     Raises:
-        TtError: The message does not have exactly one point, or a number is outside its bound.
+        TtError: The message is no trajectory of one joint `ball` in `table` with exactly one point, or a number is outside its bound.
     """
     _check(message, "ball", 1, 1)
     point = message.points[0]
@@ -261,11 +268,11 @@ def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
 
 
 def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
-    """Return the message of candidate strokes.
+    """Return candidate strokes, the racket states that would return the ball, as a message.
 
     Args:
-        rackets: The candidates in order of preference.
-        time: s, of the last frame that they rest on.
+        rackets: The candidates in order of preference, in `table`.
+        time: s, of the last frame that they are based on.
 
     Raises:
         TtError: There are more than MOST_STROKES, or a number is outside its bound.
@@ -287,10 +294,11 @@ def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJ
 
 
 def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
-    """Return the candidate strokes in a message, in order of preference.
+    """Return the candidate strokes in a message, the racket states in `table` that would return the ball, in order of preference.
 
     Raises:
-        TtError: There are more than MOST_STROKES, a number is outside its bound, or a quaternion does not have length 1.
+        TtError: The message is no trajectory of one joint `racket` in `table`, has more than MOST_STROKES points, a number is outside its
+            bound, or a quaternion does not have length 1.
     """
     start, points = _check(message, "racket", 0, MOST_STROKES), message.points
     if not points:
@@ -307,12 +315,12 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
 
 
 def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) -> PointStamped:
-    """Return the message of a ball that a camera tracks on board.
+    """Return the pixel of a ball as a message, for cameras that track the ball on board.
 
     Args:
         time: s, middle of the exposure.
-        pixel: (2,) where the camera saw the centre of the ball.
-        frame: Of the camera, e.g. wide_left_optical.
+        pixel: (2,) column and row of the centre of the ball.
+        frame: Frame of the camera, e.g. wide_left_optical.
     """
     message = PointStamped(point=Point(x=float(pixel[0]), y=float(pixel[1])))
     message.header.stamp, message.header.frame_id = stamp(time), frame
@@ -320,17 +328,21 @@ def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) ->
 
 
 def pixel_from_message(message: PointStamped) -> tuple[float, Array]:
-    """Return the time (s) and the pixel (2,) of a tracked ball. Raises TtError for a number outside its bound."""
+    """Return time (s) and pixel (2,), column and row, of a tracked ball.
+
+    Raises:
+        TtError: A number is outside its bound.
+    """
     return stamp_seconds(message.header.stamp), _bounded("pixel", [message.point.x, message.point.y], (2,), PIXEL)
 
 
 def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array, message: Odometry | None = None) -> Odometry:
-    """Return the message of a racket.
+    """Return position, orientation and velocity of the racket as a message.
 
     Args:
         time: s.
         position: (3,) m, centre of the face in `table`.
-        rotation: (3, 3) racket to table.
+        rotation: (3, 3) from the racket's frame to `table`.
         velocity: (3,) m/s in `table`, as for the ball.
         message: The message to fill; a new one if None.
     """
@@ -352,8 +364,8 @@ def camera_to_message(width: int, height: int, matrix: Array, distortion: Array 
         width: Pixels.
         height: Pixels.
         matrix: (3, 3) camera matrix K in pixels.
-        distortion: (n,) in the order of OpenCV, or None; more than 5 coefficients are of the model rational_polynomial.
-        frame: Of the camera, e.g. left_optical.
+        distortion: (n,) in the order of OpenCV, or None. More than 5 coefficients are of the model rational_polynomial.
+        frame: Frame of the camera, e.g. left_optical.
         time: s.
     """
     d = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=np.float64)
@@ -370,17 +382,18 @@ _FISHEYE = {"equidistant": (0, 4), "fisheye": (0, 4), "kannala_brandt": (0, 4)}
 
 
 def camera_from_message(message: CameraInfo) -> tuple[int, int, Array, Array]:
-    """Read the calibration of a camera.
+    """Return the calibration of a camera in a message.
 
-    A fisheye lens comes as the rational model that images as it does, see `tt_core.lens`. A region of interest moves the principal point.
+    The coefficients of a fisheye lens are converted to those of a rational model that images in the same way, see `tt_core.lens`. A region
+    of interest moves the principal point.
 
     Returns:
-        Width and height in pixels, (3, 3) K in pixels, and the distortion in the order of OpenCV: (5,) k1, k2, p1, p2, k3, or as many as
-        the message has of k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y behind them.
+        Width and height in pixels, (3, 3) camera matrix K in pixels, and the distortion in the order of OpenCV: (5,) k1, k2, p1, p2, k3,
+        followed by as many of k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y as the message has.
 
     Raises:
-        TtError: The camera is not calibrated, K is skewed, the image is binned, the model is unknown or has another number of
-            coefficients, or a number is outside its bound.
+        TtError: The camera is not calibrated, K is skewed, the image is binned, the model is unknown or has another number of coefficients,
+            or a number is outside its bound.
     """
     matrix = np.array(_bounded("K", message.k, (9,), FOCAL).reshape(3, 3))
     if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0:
@@ -418,16 +431,16 @@ def _distortion(message: CameraInfo, width: int, height: int, matrix: Array) -> 
 
 
 def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
-    """Return the message of an image.
+    """Return an image as a message.
 
     Args:
         image: (h, w) uint8 or uint16.
         time: s, middle of the exposure.
-        frame: Of the camera, e.g. left_optical.
+        frame: Frame of the camera, e.g. left_optical.
 
     Raises:
-        BadShape: The image has other than two dimensions.
-        BadMessage: The image is of another type.
+        BadShape: The image does not have two dimensions.
+        BadMessage: The image has another dtype.
     """
     if image.ndim != 2:
         raise BadShape("image", image.shape, "(height, width)")
@@ -442,10 +455,10 @@ def image_to_message(image: np.ndarray, time: float, frame: str) -> Image:
 
 
 def image_from_message(message: Image) -> np.ndarray:
-    """Return the image in a message, in grey.
+    """Return the image in a message, converted to grey.
 
     Returns:
-        (h, w) uint8 or uint16; a view of the message's data where they are grey and not padded.
+        (h, w) uint8 or uint16. It is a view of the message's data where these are grey and not padded.
 
     Raises:
         TtError: The encoding is none of ENCODINGS, or size, step and data do not fit together.
@@ -456,15 +469,15 @@ def image_from_message(message: Image) -> np.ndarray:
 def joints_to_message(
     names: Sequence[str], time: float, q: Array, qdot: Array, effort: Array | None = None, message: JointState | None = None
 ) -> JointState:
-    """Return the message of joint states.
+    """Return positions, speeds and torques of joints as a message.
 
     Args:
-        names: Of the joints.
+        names: Names of the joints.
         time: s.
         q: (n,) rad.
         qdot: (n,) rad/s.
         effort: (n,) N m, or None if it is not known.
-        message: The message to fill, which has the names; a new one if None.
+        message: The message to fill, which has the names already; a new one if None.
     """
     message = message or JointState(name=list(names))
     stamp(time, message.header.stamp)
@@ -475,11 +488,16 @@ def joints_to_message(
 
 
 def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[float, Array, Array | None] | None:
-    """Return the state of the joints `names`, whatever other joints the message holds.
+    """Return the state of the joints `names`; other joints in the message are ignored.
+
+    Args:
+        message: The message.
+        names: Names of the joints.
 
     Returns:
-        Time s, q (n,) rad and qdot (n,) rad/s in the order of `names`. qdot is None where the driver sends no speeds: none at all, or
-        NaN for each of these joints, as ros2_control does. None if the message holds none of these joints.
+        Time (s), positions q (n,) in rad and speeds qdot (n,) in rad/s, in the order of `names`. qdot is None if the driver sends no
+        speeds:
+        none at all, or NaN for each of these joints, as ros2_control does. None if the message holds none of these joints.
 
     Raises:
         BadMessage: Some of the joints are missing or named twice, or numbers are missing.
@@ -507,12 +525,12 @@ def joints_from_message(message: JointState, names: Sequence[str]) -> tuple[floa
 
 
 def swing_to_message(names: Sequence[str], time: float, times: Array, q: Array, qdot: Array) -> JointTrajectory:
-    """Return the message of a planned swing.
+    """Return a planned swing, the joint motion that makes a stroke, as a message.
 
     Args:
-        names: Of the joints.
-        time: s, reference of the times.
-        times: (n,) s after it.
+        names: Names of the joints.
+        time: s, start of the swing.
+        times: (n,) s after `time`.
         q: (n, joints) rad.
         qdot: (n, joints) rad/s.
     """

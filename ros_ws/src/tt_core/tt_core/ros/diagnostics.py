@@ -1,4 +1,4 @@
-"""The diagnostics of a node: what it publishes about itself, and how others read it."""
+"""Diagnostics of a node: publishing them on /diagnostics, and reading those of other nodes."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from .terminal import Terminal
 PERIOD = 1.0  # s between two reports about the inputs, and between two repetitions of a status (REP-107)
 INPUTS = "inputs"  # part that tells what a node waits for
 REPEATED = "since"  # key of a repeated status: when it was first published, s
-GRACE = 5.0  # s from the start of a node, in which it is no warning that others are not there yet
+GRACE = 5.0  # s from the start of a node, in which a missing publisher is not reported as a warning
 
 
 class Event(Enum):
-    """What happens to a ball on its way through the nodes; programs decide on the member, the value is for people."""
+    """Events of a ball on its way through the nodes. Code decides on the member; the value is a text for people."""
 
-    FIRST_ESTIMATE = "first estimate"
-    MEASURED = "measured"
-    REFINED = "refined"
-    FOLLOWED = "followed"
-    PATH = "path"
-    STROKES = "strokes"
-    SWING = "swing"
-    NO_SWING = "no swing"
-    FIRST_COMMAND = "first command"
-    BALL_OVER = "ball over"
-    LEARNT = "learnt"
+    FIRST_ESTIMATE = "first estimate"  # a quick estimate of position, velocity and spin was published
+    MEASURED = "measured"  # the accurate estimate was published
+    REFINED = "refined"  # an estimate from more images of the same ball was published
+    FOLLOWED = "followed"  # the tracker has begun to follow a new ball
+    PATH = "path"  # the predicted flight was published
+    STROKES = "strokes"  # racket states that return the ball were published
+    SWING = "swing"  # the joint motion for one of them was planned
+    NO_SWING = "no swing"  # no joint motion was planned
+    FIRST_COMMAND = "first command"  # the swing has begun
+    BALL_OVER = "ball over"  # the simulated ball has landed or was lost
+    LEARNT = "learnt"  # the coefficients of the physics were corrected
 
 
 class ReceivedStatus(NamedTuple):
-    """A status that was received.
+    """A diagnostic status that was received.
 
     Attributes:
-        time: s.
-        name: Of the node, with ": part" where it is about a part of it.
+        time: Stamp of the message, s.
+        name: Name of the node, followed by ": PART" if the status is about a part of it.
         message: What has happened, for people.
         values: All values by their keys.
     """
@@ -58,26 +58,26 @@ class ReceivedStatus(NamedTuple):
 
     @property
     def event(self) -> Event | None:
-        """The event, None if the status is about none."""
+        """The event that the status is about, or None if it is about none."""
         return Event.__members__.get(self.values.get("event", ""))
 
 
 class Status:
-    """The diagnostics of one node.
+    """Publisher of the diagnostics of one node.
 
-    What is published is repeated once a second, so that a tool which starts later shows it and sees that the node lives. A repeated status
-    has the key REPEATED. That of an event has no other values, so that nobody takes it for a second event.
+    Each status is repeated once a second, so that a tool which starts later shows it and sees that the node is alive. A repeated status has
+    the additional key REPEATED. A repeated event has this key only, so that nobody takes it for a second event.
 
     Attributes:
-        terminal: What the node tells in the terminal.
+        terminal: Writes lines of the node to the terminal.
     """
 
     def __init__(self, node: Node, hardware: str = "") -> None:
-        """Begin to repeat; until the node publishes a status, it is "started".
+        """Start to publish; until the node publishes a status of its own, its status is "started".
 
         Args:
             node: The node.
-            hardware: What the node drives or stands for, the `hardware_id` of every status; empty: the name of this computer.
+            hardware: Name of what the node drives or simulates, the `hardware_id` of every status; empty for the name of this computer.
         """
         self._node, self._hardware, self.terminal = node, hardware or socket.gethostname(), Terminal(node)
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
@@ -99,12 +99,12 @@ class Status:
         """Publish one status.
 
         Args:
-            what: What has happened. The status holds an event as `event`, too.
-            part: Of the node, that the status is about, if not about the whole.
-            stamp: Time of the last frame that the result rests on, s; the status holds the latency since then.
-            warn: Whether it is a warning.
-            reason: Why something was not done; the status holds its sentence as `reason`, its code as `code`, and its numbers by name.
-            values: What else is published, by its key.
+            what: What has happened. An event is also added to the values, with the key `event`.
+            part: Part of the node that the status is about; empty for the whole node.
+            stamp: Time of the last frame that the result is based on, s. If given, the status holds the latency since then.
+            warn: Whether the status is a warning.
+            reason: Why something was not done. The status holds its sentence as `reason`, its code as `code`, and its numbers by name.
+            values: Other values to publish, by key.
         """
         if stamp is not None:
             latency = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
@@ -117,10 +117,10 @@ class Status:
             self._send(part, what, warn, values)
 
     def wait_for(self, inputs: Sequence[Input]) -> None:
-        """Publish from now on, once a second, whether all inputs have a publisher, as the status "NODE: inputs".
+        """Publish once a second from now on whether all inputs have a publisher, as the status "NODE: inputs".
 
         Args:
-            inputs: What the node needs. The status holds the number of publishers of each by its topic.
+            inputs: The inputs that the node needs. The status holds the number of publishers of each by its topic.
         """
         warn_from = time.monotonic() + GRACE
 
@@ -148,7 +148,7 @@ class Status:
         )
 
     def _keep(self, part: str, status: DiagnosticStatus) -> None:
-        """Repeat a status from now on."""
+        """Make a status the one that is repeated for its part."""
         since = KeyValue(key=REPEATED, value=f"{self._node.get_clock().now().nanoseconds * 1e-9:.3f}")
         kept = DiagnosticStatus(level=status.level, name=status.name, message=status.message, hardware_id=status.hardware_id)
         kept.values = [since] if any(value.key == "event" for value in status.values) else [since, *status.values]
@@ -170,12 +170,12 @@ def _level(level: bytes | int) -> bytes:
 
 
 def read_status(message: DiagnosticArray) -> list[ReceivedStatus]:
-    """Return all statuses of a message that are not repeated ones."""
+    """Return all statuses of a message except repeated ones."""
     return [received for received, _ in _read(message)]
 
 
 def read_warnings(message: DiagnosticArray) -> list[ReceivedStatus]:
-    """Return those statuses of a message that are above the level OK and not repeated ones."""
+    """Return all statuses of a message that are warnings or errors, except repeated ones."""
     return [received for received, level in _read(message) if level != DiagnosticStatus.OK]
 
 

@@ -14,5 +14,5 @@ def listeners(node: Node, topic: str) -> set[str]:
 
 
 def is_heard(node: Node, publisher: Publisher) -> bool:
-    """Tell whether a node other than a recorder subscribes to the publisher's topic."""
+    """Tell whether any node that is no recorder subscribes to the publisher's topic, as far as `node` has discovered them."""
     return publisher.get_subscription_count() > 0 and bool(listeners(node, publisher.topic_name) - RECORDERS)

@@ -1,4 +1,4 @@
-"""Subscriptions for data that may be anything: the size of a message is checked before it is converted."""
+"""Subscriptions with a bound on the size of their messages, which is checked before a message is converted."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from rclpy.serialization import deserialize_message
 from ..errors import BadMessage, MessageFailure, TtError
 from .qos import compatible
 
-LOOK = 0.25  # s between two looks at who publishes
+LOOK = 0.25  # s between two checks which publishers the topic has
 
 
 class Input:
-    """Subscribe to one topic with a bound on the size of its messages.
+    """Subscription to one topic that refuses messages above a given size.
 
-    The subscription follows its publishers. It asks for `qos`, and where one of them offers less (best effort instead of reliable,
-    volatile instead of transient local) it asks for no more than that, because DDS would not connect the two otherwise.
+    The subscription adapts to its publishers. It asks for the quality of service `qos`. If one publisher offers less (best effort instead
+    of reliable, volatile instead of transient local), it asks for no more than that, because DDS would not connect the two otherwise.
 
     Attributes:
-        topic: The resolved name.
-        publishers: How many publishers the topic had at the last look.
+        topic: Full name of the topic.
+        publishers: Number of publishers of the topic at the last check.
     """
 
     def __init__(
@@ -48,8 +48,9 @@ class Input:
             node: The node that subscribes.
             kind: Message type.
             topic: Name, relative or absolute.
-            callback: Takes each message that is accepted.
-            qos: What is asked for where the publishers offer it. Of two, the second is asked for where all publishers are reliable.
+            callback: Called with each message that is accepted.
+            qos: Quality of service that is asked for if the publishers offer it. Of a pair, the second is used while all publishers are
+                reliable.
             largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted, because of its size or because it cannot be read.
             interval: s. A message that comes sooner than this after the last one is dropped without being read.
@@ -63,7 +64,7 @@ class Input:
         node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def look(self) -> None:
-        """Ask for what all publishers that are there now can serve."""
+        """Check which publishers the topic has, and subscribe again if they require another quality of service."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
         self.publishers = len(offered)
         is_reliable = all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)

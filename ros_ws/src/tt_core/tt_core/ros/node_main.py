@@ -1,4 +1,4 @@
-"""The main() that every node shares."""
+"""The function that runs a node, shared by all nodes."""
 
 from __future__ import annotations
 
@@ -30,31 +30,30 @@ from ..start import SIGNALS, default_signals
 from .params import changed_parameters
 from .presence import Presence
 
-THREADS = 1.0  # s for the threads of a node to end after its context
+THREADS = 1.0  # s that the threads of a node may take to end after its context
 ENDING = 2.0  # s that a process may take to end after its node was closed or could not be made
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
-    """Spin one node until SIGINT or SIGTERM, call its `close` if it has one, then destroy it and its context.
+    """Run one node until SIGINT or SIGTERM, then call its method `close` if it has one, and destroy it and its context.
 
-    While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a
-    C callback. While `close` runs they wait; afterwards they end the process at once again.
+    While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a C
+    callback. While `close` runs they wait. Afterwards they end the process at once again.
 
-    When the node is there it tells so in one line, with its version and the parameters that differ from the defaults. A node may add to
-    this line by an attribute `about`. A node whose name begins with _ tells nothing.
+    When the node is ready it logs one line with its version and the parameters that differ from the defaults. A node may add to this line
+    by an attribute `about`. A node whose name begins with _ logs nothing.
 
-    Bad parameters, a TtError raised by `make`, end the process with one clear line and exit code 2. An exception in a callback or a thread
-    of the node ends it after `close`, with one line and exit code 1; the traceback is told on the log level DEBUG. Threads must end with
-    the context; errors of a context that has ended are not told.
+    Bad parameters, a TtError raised by `make`, end the process with one line and exit code 2. An exception in a callback or a thread of the
+    node ends the process after `close`, with one line and exit code 1; the traceback is logged at the level DEBUG. Threads must end with
+    the context; their errors after the end of the context are ignored.
 
-    After `close`, or when `make` has failed, the process has 2 s to end: sometimes Fast DDS deadlocks while its entities are destroyed
-    (its issue 6502), and holds the global interpreter lock (GIL). Then the process is ended by the signal that it had received, or by
-    SIGTERM.
+    After `close`, or when `make` has failed, the process has 2 s to end: sometimes Fast DDS deadlocks while its entities are destroyed (its
+    issue 6502), and holds the global interpreter lock (GIL). Then the process is ended by the signal that it had received, or by SIGTERM.
 
     Args:
         make: Returns the node.
-        priority: Of the process. It is real-time once the node is made. Where the system does not permit what is asked for (`ulimit -r`,
-            `ulimit -e`), the process tells so and runs at what is permitted.
+        priority: Scheduling priority of the process. It is real-time once the node is made. If the system does not permit it (`ulimit -r`,
+            `ulimit -e`), the process prints a line and runs at what is permitted.
     """
     default_signals()
     _bound_clock()

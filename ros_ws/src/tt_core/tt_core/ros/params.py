@@ -1,4 +1,4 @@
-"""ROS parameters from dataclasses: declared once for every node, with description and range, read-only unless they act at run time."""
+"""ROS parameters from dataclasses: declared with description and range, and read-only unless they act while the node runs."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def declare(node: Node, kind: type[T], prefix: str = "", changed: Callable[[T], 
 @overload
 def declare(node: Node, kind: T, prefix: str = "", changed: Callable[[T], None] | None = None) -> T: ...
 def declare(node: Node, kind: Any, prefix: str = "", changed: Callable[[Any], None] | None = None) -> Any:
-    """Declare every field of a dataclass and return an instance of the values set.
+    """Declare every field of a dataclass as a ROS parameter, and return an instance with the values that were set.
 
     Args:
         node: The node that has the parameters.
-        kind: A dataclass of `tt_core.params.param` fields, or an instance of one, which has the defaults.
-        prefix: Before each name, e.g. "swing.".
-        changed: Called with a new instance when parameters that are marked dynamic have been set. Without it all are read-only.
+        kind: A dataclass of `tt_core.params.param` fields, or an instance of one that has the defaults.
+        prefix: Put before each name, e.g. "swing.".
+        changed: Called with a new instance after parameters that are marked dynamic were set. Without it all parameters are read-only.
 
     Raises:
         TtError: A value has the wrong type or is outside its range; the message names parameter, value and range.
@@ -54,12 +54,12 @@ def declare(node: Node, kind: Any, prefix: str = "", changed: Callable[[Any], No
 
 
 def changed_parameters(node: Node) -> dict[str, Any]:
-    """Return the parameters that were declared with other values than their defaults, by name."""
+    """Return the parameters of a node whose values at their declaration were not the defaults, by name."""
     return dict(_CHANGED.get(node, {}))
 
 
 def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping[str, Any], *, read_only: bool) -> Any:
-    """Declare one parameter; `value` is used where none is set, or where a NaN is."""
+    """Declare one parameter and return its value; `value` is used if none is set, or if NaN is set."""
     # the first declaration takes whatever type was given, so that 1 can stand for 1.0 and an error can be ours
     probe = ParameterDescriptor(dynamic_typing=True)
     given = node.declare_parameter(name, list(value) if isinstance(value, tuple) else value, probe).value
@@ -76,12 +76,12 @@ def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping
 
 
 def describe(metadata: Mapping[str, Any], default: Any, *, read_only: bool) -> ParameterDescriptor:
-    """Return what `ros2 param describe` tells.
+    """Return the descriptor of a parameter, which `ros2 param describe` shows.
 
     Args:
-        metadata: Of a field made by `tt_core.params.param`.
-        default: Its default, for the type of the range.
-        read_only: Whether setting it fails; so it is for what is only read at the start.
+        metadata: Metadata of a field made by `tt_core.params.param`.
+        default: Default of the field, which gives the type of the range.
+        read_only: Whether the parameter cannot be set after the start.
     """
     unit, low, high, choices = (metadata[key] for key in ("unit", "low", "high", "choices"))
     descriptor = ParameterDescriptor(description=metadata["meaning"] + (f" ({unit})" if unit else ""), read_only=read_only)
@@ -98,7 +98,7 @@ def describe(metadata: Mapping[str, Any], default: Any, *, read_only: bool) -> P
 
 
 class _Follower:
-    """Keeps the instance that goes with the parameters of one prefix, and tells when it has changed."""
+    """Keeps the instance that belongs to the parameters of one prefix, and calls a function when it has changed."""
 
     def __init__(self, node: Node, prefix: str, params: Any, dynamic: frozenset[str], changed: Callable[[Any], None]) -> None:
         self._prefix, self._params, self._dynamic, self._changed = prefix, params, dynamic, changed
@@ -127,26 +127,35 @@ class _Follower:
 
 @dataclass(frozen=True)
 class PhysicsParams:
-    """Which models of ball, table and rubber are used."""
+    """Parameters that choose the models of air, table and rubber."""
 
     physics: str = param("liu", "", "models of flight and rebounds: of the dissertation, or of real balls", choices=("liu", "measured"))
     contact_height: float = param(BALL_RADIUS, "m", "from a surface to the centre of a ball that touches it", low=0.0, high=0.1)
 
 
 def declare_physics(node: Node, prefix: str = "") -> Physics:
-    """Declare `physics`, the name of a model, and its coefficients air.*, table.*, racket.* and contact_height; return the model.
+    """Declare the parameters of the models of air, table and rubber, and return the models.
 
-    A coefficient that is set replaces that of the model; NaN stands for that of the model.
+    The parameters are `physics`, the name of the models, then `contact_height` and the coefficients air.*, table.* and racket.*. A
+    coefficient that is set replaces that of the named models; NaN keeps it.
+
+    Args:
+        node: The node that has the parameters.
+        prefix: Put before each name.
+
+    Raises:
+        TtError: A value has the wrong type or is outside its range.
     """
     return read_physics(partial(declare, node), prefix)
 
 
 def read_physics(read: Callable[..., Any], prefix: str = "") -> Physics:
-    """Return the model that parameters give.
+    """Return the models of air, table and rubber that parameters give.
 
     Args:
-        read: Takes a dataclass of parameters, or an instance that has the defaults, and a prefix; returns an instance.
-        prefix: Before each name.
+        read: Function that takes a dataclass of parameters, or an instance that has the defaults, and a prefix, and returns an instance
+            with the values that were set.
+        prefix: Put before each name.
     """
     params = read(PhysicsParams, prefix)
     default = Physics.liu() if params.physics == "liu" else Physics.measured()

@@ -1,4 +1,4 @@
-"""Publishes the name of a node again after other nodes may have removed it from discovery."""
+"""Publishing of a node's name after other nodes may have removed it from discovery."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ QUIET = 5.0  # s after its own announcement for which a node does not react to t
 
 
 class Presence:
-    """Makes the process of a node publish its node names again.
+    """Makes a process publish the names of its nodes again.
 
-    That is done after the start, after a standstill of the process, when another node disappears, and when another node does the same.
+    It does so after the start, after a standstill of the process, when another node disappears, and when another node publishes its names
+    again.
 
-    DDS removes a participant that is silent for longer than the lease, 2 s. When it continues, the others discover it and its endpoints
-    again, but not the names of its nodes: a process publishes these on the topic `ros_discovery_info` only when its nodes or endpoints
-    change. Therefore a second node is created in the process, and destroyed a second later.
+    DDS removes a participant that is silent for longer than the lease, 2 s. When the participant continues, the others discover it and its
+    endpoints again, but not the names of its nodes: a process publishes these on the topic `ros_discovery_info` only when its nodes or
+    endpoints change. Therefore this class creates a second node in the process, and destroys it a second later.
 
     The second node has no endpoints. If publishers and subscriptions were created and destroyed instead, the discovery messages of Fast DDS
     2.14.5 would have missing sequence numbers, and after two standstills within 3 s other nodes would wait forever for earlier ones.
     """
 
     def __init__(self, node: Node) -> None:
-        """Begin to check, every TICK, whether the node names have to be published again.
+        """Start to check, every TICK seconds, whether the node names must be published again.
 
         Args:
             node: A node that is going to be spun.

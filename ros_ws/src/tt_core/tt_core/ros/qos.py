@@ -1,10 +1,10 @@
-"""Quality of service by kind of data, see docs/interfaces.md."""
+"""Quality of service for each kind of data, see docs/interfaces.md."""
 
 from collections.abc import Sequence
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-SENSOR = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)  # images: one burst of a ball fits
+SENSOR = QoSProfile(depth=64, reliability=ReliabilityPolicy.BEST_EFFORT)  # images: room for all images of one ball
 RECORDED = QoSProfile(depth=1000)  # images of a recording: none may be lost
 RELIABLE = QoSProfile(depth=100)  # a recorder on a busy machine is 0.1 s behind
 LATEST = QoSProfile(depth=1)  # only the newest matters
@@ -14,11 +14,13 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def compatible(wanted: QoSProfile, offered: Sequence[QoSProfile]) -> QoSProfile:
-    """Return `wanted`, lowered to what every publisher offers, as DDS does not connect a subscriber that asks for more.
+    """Return the wanted quality of service, reduced to what every publisher of a topic offers.
+
+    DDS does not connect a subscriber that asks for more than the publisher offers.
 
     Args:
-        wanted: What is asked for where the publishers offer it.
-        offered: Of the publishers of the topic.
+        wanted: Quality of service that is wanted.
+        offered: Quality of service of each publisher of the topic.
     """
     best_effort = any(qos.reliability is ReliabilityPolicy.BEST_EFFORT for qos in offered)
     volatile = any(qos.durability is DurabilityPolicy.VOLATILE for qos in offered)

@@ -1,4 +1,4 @@
-"""Tells what a node refuses, at a bounded rate."""
+"""Reports of refused inputs of a node, at a bounded rate."""
 
 from __future__ import annotations
 
@@ -9,29 +9,36 @@ from enum import Enum
 from ..errors import TtError
 from .diagnostics import Status
 
-INTERVAL = 0.1  # s, at least, between two refusals that are told
+INTERVAL = 0.1  # s, least time between two reports
 
 
 class RefusalLine(Enum):
-    """What the terminal tells of refusals."""
+    """Lines that a node writes to the terminal about refused inputs."""
 
     REFUSED = "{what} refused: {error}"
 
 
 class Refusals:
-    """Publishes on /diagnostics what is refused of one kind of input, at most once in INTERVAL.
+    """Counts the refused messages of one input, and reports them on /diagnostics and in the terminal, at most once in INTERVAL.
 
     Attributes:
-        total: How many refusals there were.
+        total: Number of refusals so far.
     """
 
     def __init__(self, status: Status, what: str) -> None:
-        """Begin to count. `what` names the input, e.g. "image of left"."""
+        """Start to count.
+
+        Args:
+            status: Diagnostics of the node.
+            what: Name of the input, e.g. "image of left".
+        """
         self._status, self._what = status, what
         self.total, self._told, self._last = 0, 0, -math.inf
 
     def __call__(self, error: TtError) -> None:
-        """Count a refusal, and publish it with the number of those before it that were not published.
+        """Count one refusal, and publish it unless the last report was less than INTERVAL ago.
+
+        The status holds the number of all refusals, and of those since the last report.
 
         Args:
             error: Its failure is published as the reason.

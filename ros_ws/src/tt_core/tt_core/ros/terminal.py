@@ -1,4 +1,4 @@
-"""What a node tells in the terminal and on /rosout, by a thread of its own: a terminal that is full or stopped holds nothing up."""
+"""Lines that a node writes to the terminal and to /rosout. A thread writes them, so a terminal that blocks does not delay the node."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from typing import Any
 
 from rclpy.node import Node
 
-WAITING = 100  # lines that may wait; what is beyond is left out and counted
-INTERVAL = 1.0  # s, at least, between two warnings of one code
+WAITING = 100  # most lines that wait to be written; further lines are left out and counted
+INTERVAL = 1.0  # s, least time between two warnings of one code
 
 
 class Terminal:
-    """Tells lines through the logger of a node.
+    """Writes lines through the logger of a node.
 
-    A line is a member of an enumeration whose values are format strings, as the codes of `tt_core.failures.Failure`. So the words of a node
-    stand in one place, and no code decides on them.
+    A line is a member of an enumeration whose values are format strings, like the codes of `tt_core.failures.Failure`. So all texts of a
+    node stand in one place, and no code decides on texts.
     """
 
     def __init__(self, node: Node) -> None:
-        """Begin; it ends with the context of the node."""
+        """Start the thread that writes; it ends with the context of the node."""
         self._node = node
         self._queue: queue.Queue[tuple[bool, str] | None] = queue.Queue(WAITING)
         self._left_out = 0
@@ -31,11 +31,21 @@ class Terminal:
         node.context.on_shutdown(self._end)
 
     def info(self, line: Enum, **values: Any) -> None:
-        """Tell a line. values: What its format string needs."""
+        """Write a line.
+
+        Args:
+            line: Member of an enumeration whose value is a format string.
+            values: Values for the format string, by name.
+        """
         self._put(False, str(line.value).format(**values))
 
     def warn(self, line: Enum, **values: Any) -> None:
-        """Tell a warning, at most one of each code in INTERVAL. values: What its format string needs."""
+        """Write a warning, at most one of each member in INTERVAL.
+
+        Args:
+            line: Member of an enumeration whose value is a format string.
+            values: Values for the format string, by name.
+        """
         now = time.monotonic()
         if now >= self._warned.get(line, -INTERVAL) + INTERVAL:
             self._warned[line] = now

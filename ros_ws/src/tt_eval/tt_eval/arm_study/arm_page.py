@@ -1,4 +1,4 @@
-"""What is printed and drawn of an arm: one page, and the same tables in the terminal."""
+"""Results of the study of an arm: an HTML page, and the same tables in the terminal."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from .limiting import limiting
 from .search import Candidate, front
 from .speed_map import SpeedMap
 
-STEP = 1.0  # m/s, of a bar of the shares against ball speed
-FEW = 20  # balls, below which no share is drawn
+STEP = 1.0  # m/s, width of an interval of ball speeds for which shares are drawn
+FEW = 20  # least number of balls in such an interval; below it no share is drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What is known of an arm.
+    """Results of the study of an arm.
 
     Attributes:
-        name: Of the arm.
-        best: Its placement.
+        name: Name of the arm.
+        best: Its best placement.
         candidates: All placements that were tried.
-        catapult: Balls of the catapult, all scales.
-        rallies: Shots of real play.
-        speeds: Of the racket.
+        catapult: Results for balls of the catapult, all scales.
+        rallies: Results for shots of real play.
+        speeds: Racket speeds that the arm reaches.
     """
 
     name: str
@@ -41,14 +41,22 @@ class Study:
 
 
 def shares(sweep: Sweep, chosen: Array | None = None) -> tuple[int, float, float, float]:
-    """Return count, shares (%) of hit and landed balls, and the median landing error (cm) of the chosen rows (n,), or of all."""
+    """Return the main results of the balls of a sweep.
+
+    Args:
+        sweep: The balls.
+        chosen: (n,) whether each ball is included; None for all.
+
+    Returns:
+        Number of balls, share of hit balls (%), share of balls that landed on the table (%), and median landing error (cm).
+    """
     rows = np.ones(len(sweep.misses), bool) if chosen is None else chosen
     hit, landed = (100.0 * float(sweep.numbers[name][rows].mean()) for name in ("hit", "landed"))
     return int(rows.sum()), hit, landed, percentiles(sweep.numbers["landing_error"][rows], 100.0)[0]
 
 
 def score_table(study: Study) -> Table:
-    """Return the balls by scale, and those of real play."""
+    """Return a table of the results for balls of the catapult, by scale, and for shots of real play."""
     scales = study.catapult.numbers["scale"]
     groups = [(f"catapult, scale {scale:.0f}", study.catapult, scales == scale) for scale in np.unique(scales)]
     rows = [(name, *shares(sweep, chosen)) for name, sweep, chosen in (*groups, ("real play", study.rallies, None))]
@@ -57,7 +65,7 @@ def score_table(study: Study) -> Table:
 
 
 def limits_table(study: Study) -> Table:
-    """Return what limits the arm."""
+    """Return a table of what limits the arm, as shares of the balls."""
     counts = {sweep: limiting(sweep.limits) for sweep in (study.catapult, study.rallies)}
     names = sorted({name for found in counts.values() for name in found}, key=lambda name: -sum(c.get(name, 0) for c in counts.values()))
     rows = [[name, *(f"{100.0 * found.get(name, 0) / len(sweep.misses):.1f}" for sweep, found in counts.items())] for name in names]
@@ -66,7 +74,7 @@ def limits_table(study: Study) -> Table:
 
 
 def placement_table(study: Study) -> Table:
-    """Return where the arm stands."""
+    """Return a table of the best placement: base, mount and waiting posture."""
     one = study.best.placement
 
     def numbers(values: Sequence[float] | None) -> str:
@@ -77,7 +85,7 @@ def placement_table(study: Study) -> Table:
 
 
 def against_speed(study: Study) -> go.Figure:
-    """Draw the shares of hit and landed balls against the speed of the ball."""
+    """Return a figure of the shares of hit and landed balls against the speed of the ball."""
     figure = go.Figure()
     for sweep, dash, name in ((study.catapult, "solid", "catapult"), (study.rallies, "dot", "real play")):
         speed = sweep.numbers["speed"]
@@ -91,7 +99,7 @@ def against_speed(study: Study) -> go.Figure:
 
 
 def speed_figure(study: Study) -> go.Figure:
-    """Draw the map of racket speeds."""
+    """Return a figure of the racket speeds that the arm reaches, over the middle plane of the hit window."""
     speeds = study.speeds
     figure = go.Figure(go.Heatmap(x=speeds.y, y=speeds.z, z=np.round(speeds.speed, 2), colorscale="Viridis", colorbar={"title": "m/s"}))
     figure.update_xaxes(title_text="y, m (the robot looks away from you)", autorange="reversed").update_yaxes(title_text="z, m")
@@ -99,7 +107,7 @@ def speed_figure(study: Study) -> go.Figure:
 
 
 def base_figure(study: Study) -> go.Figure:
-    """Draw the bases that were tried, from above, by what they gain."""
+    """Return a figure of the base positions that were tried, from above, coloured by their mean share of strokes in time."""
     tried = [one for one in study.candidates if one.placement.waiting is not None or one is study.candidates[0]]
     tried.sort(key=lambda one: one.value(0.5))
     x, y = ([one.placement.base[axis] for one in tried] for axis in (0, 1))
@@ -116,7 +124,10 @@ def base_figure(study: Study) -> go.Figure:
 
 
 def trade_figure(study: Study) -> go.Figure:
-    """Draw the shares of the catapult's balls against those of real play, and the placements that none is better than in both."""
+    """Return a figure of the placements: share of strokes in time for the catapult's balls against that for real play.
+
+    The placements for which no other one is better in both are connected by a line.
+    """
     figure = go.Figure()
     for chosen, mode, colour, name in (
         (study.candidates, "markers", GREY, "tried"),
@@ -131,7 +142,7 @@ def trade_figure(study: Study) -> go.Figure:
 
 
 def verdict(study: Study) -> list[str]:
-    """Say in sentences what the arm can do."""
+    """Return sentences that summarize what the arm can do."""
     speeds = study.speeds.speed[study.speeds.speed > 0.0]
     lines = [
         f"{study.name}: of {count} {what} {hit:.1f} % are hit and {landed:.1f} % land on the table."
@@ -151,7 +162,7 @@ def verdict(study: Study) -> list[str]:
 
 
 def page(study: Study) -> str:
-    """Return the page."""
+    """Return the HTML page of a study."""
     text = [f"{len(study.candidates)} placements were tried. Shares of strokes in time are of the quick score, without flight and landing."]
     wide = trade_figure(study).update_layout(meta=WHOLE)
     return html_page(

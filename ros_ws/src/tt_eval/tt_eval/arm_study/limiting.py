@@ -1,4 +1,4 @@
-"""What limits an arm, from the codes of its refusals."""
+"""Names for what limits an arm, by the codes of its failures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from tt_arm.reach import ReachFailure
 from tt_arm.swing import SwingFailure
 
-# what a code tells about the arm; {joint} is the one that the failure names
+# name of the limit for each code; {joint} is replaced by the joint that the failure names
 LIMITING = {
     ReachFailure.OUT_OF_REACH: "reach: no posture holds the racket there",
     ReachFailure.NOT_CONVERGED: "reach: no posture holds the racket there",

@@ -1,7 +1,7 @@
-"""Find out whether an arm would play, and where it should stand: ros2 run tt_eval arm my.urdf --tip tool0.
+"""Find out whether an arm can play, and where it should stand: ros2 run tt_eval arm my.urdf --tip tool0.
 
 Searches base, mount and waiting posture, plays balls of the catapult and shots of real play in the world real, and writes a folder that
-`robot:=` takes: arm file, URDF, the balls, and a page. An interrupted run goes on where it was.
+`robot:=` takes: arm file, URDF, the balls, and a page. An interrupted run continues where it was.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ SEARCH, PAGE = "search.jsonl", "report.html"  # in the folder that is written
 
 
 def given_arm(arm: str, tip: str | None, window: str | None) -> tuple[ArmFile, Path]:
-    """Return arm file and URDF of what the command was given: a URDF, or what `robot:=` takes.
+    """Return the arm file and the URDF for the arguments of the command.
 
     Args:
-        arm: Path of a URDF; or a name, an arm file or a folder.
+        arm: Path of a URDF; or a name, an arm file or a folder, as for `robot:=`.
         tip: Link that the racket is mounted on, instead of that of the file.
-        window: Of HIT_WINDOWS, instead of that of the file.
+        window: Name in HIT_WINDOWS of the region in which the arm hits balls, instead of that of the file.
 
     Raises:
-        TtError: There is no such file, or something in it is wrong.
+        TtError: There is no such file, or a value in it is wrong.
     """
     if Path(arm).suffix in (".urdf", ".xml"):
         found, urdf = ArmFile(urdf=str(Path(arm).resolve())), Path(arm).resolve()
@@ -54,10 +54,18 @@ def given_arm(arm: str, tip: str | None, window: str | None) -> tuple[ArmFile, P
 
 
 def write_folder(folder: Path, arm: ArmFile, urdf: Path, best: Candidate) -> ArmFile:
-    """Write the arm file of a placement, and the URDF beside it unless it has meshes, whose paths may be relative to it.
+    """Write the arm file of a placement to a folder, and the URDF.
+
+    A URDF with meshes is not copied, because their paths may be relative to it.
+
+    Args:
+        folder: The folder, which exists.
+        arm: Arm file of the arm as it was given.
+        urdf: Path of the URDF.
+        best: The placement.
 
     Returns:
-        What the file says.
+        The content of the written arm file.
     """
     has_meshes = "<mesh" in urdf.read_text(errors="replace")
     if not has_meshes and urdf != (folder / urdf.name).resolve():
@@ -72,7 +80,18 @@ def write_folder(folder: Path, arm: ArmFile, urdf: Path, best: Candidate) -> Arm
 
 
 def played(folder: Path, name: str, scenario: Scenario, balls: int, workers: int | None) -> Sweep:
-    """Play a sweep with the arm of the folder, or go on with it, and return it."""
+    """Simulate a sweep with the arm of a folder; continue it if it was interrupted, or read it if it is complete.
+
+    Args:
+        folder: Folder with the arm file, to which the sweep is written.
+        name: Name of the sweep.
+        scenario: The scenario, whose arm is replaced.
+        balls: Number of balls.
+        workers: Number of processes; None: one for each core.
+
+    Returns:
+        The results.
+    """
     mark = hashlib.sha256((folder / ARM_FILE).read_bytes()).hexdigest()[:8]  # another placement is another sweep
     out = folder / f"{name}_{mark}_{balls}.parquet"
     if not out.is_file():
@@ -82,7 +101,7 @@ def played(folder: Path, name: str, scenario: Scenario, balls: int, workers: int
 
 
 def study(args: argparse.Namespace) -> Study:
-    """Search, play, and return what is known."""
+    """Search the best placement of an arm, simulate balls with it, and return the results."""
     arm, urdf = given_arm(args.arm, args.tip, args.window)
     folder: Path = args.out
     task = Task(str(urdf), arm, tuple(args.keep), args.weight, args.candidates)
@@ -103,7 +122,7 @@ def study(args: argparse.Namespace) -> Study:
 
 
 def arguments() -> argparse.Namespace:
-    """Read and check the command line."""
+    """Read and check the arguments of the command."""
     parser = argparse.ArgumentParser(prog="arm", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("arm", help="a URDF; or the name of an arm, an arm file, or its folder")
     parser.add_argument("--tip", help="link that the racket is mounted on")
@@ -127,7 +146,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command arm."""
     args = arguments()
     try:
         args.out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Where an arm stands, how it holds its racket and where it waits: what the search varies."""
+"""Placements of an arm, i.e. base, mount of the racket and waiting posture, which the search varies."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ BASE_LOW, BASE_HIGH = (-1.3, 0.2, FLOOR_Z, -math.pi), (-0.25, TABLE_WIDTH - 0.2,
 HANDLE = 0.15  # m from the tip to the middle of the blade
 MOVES = (0.08, 0.08, 0.08, 0.2)  # m, m, m, rad: standard deviations of a change of the base
 TURN = 0.2  # rad, standard deviation of a change of the mount
-SHIFT = 0.06  # of a joint's range, standard deviation of a change of the waiting posture
-BEHIND = 0.1  # m, by which the racket waits behind the middle of the hit window
+SHIFT = 0.06  # standard deviation of a change of the waiting posture, as a share of each joint's range
+BEHIND = 0.1  # m, distance of the waiting racket behind the middle of the hit window
 PARTS = ("base", "mount", "waiting")
 
 
 @dataclass(frozen=True)
 class Placement:
-    """A way to set an arm up.
+    """Placement of an arm: where it stands, how it holds the racket, and where it waits.
 
     Attributes:
-        base: As of `ArmModel.from_urdf`.
-        mount: As of `from_urdf`; None for the place of the URDF's own racket.
-        waiting: As of `from_urdf`; None where no posture brings the racket to where it should wait.
+        base: Pose of the root link in `table`: x, y, z (m) and yaw (rad), or x, y, z and roll, pitch, yaw.
+        mount: Pose of the racket on the tip, see `ArmModel.from_urdf`; None for the pose of the URDF's own racket.
+        waiting: (n,) rad or m, waiting posture. None: the middle of each joint's range, or no posture was found that holds the racket where
+            it should wait.
     """
 
     base: tuple[float, ...]
@@ -36,23 +37,31 @@ class Placement:
     waiting: tuple[float, ...] | None
 
     def model(self, urdf: str, arm: ArmFile) -> ArmModel:
-        """Return the arm that is set up this way. Raises TtError."""
+        """Return the model of an arm in this placement.
+
+        Args:
+            urdf: Path of the URDF.
+            arm: Its arm file, for tip, limits, and joints and links that are fixed or left out.
+
+        Raises:
+            TtError: The arm cannot be used.
+        """
         return ArmModel.from_urdf(urdf, arm.tip, self.base, self.mount, self.waiting, UrdfOptions(arm.limits, arm.fixed, arm.left_out))
 
     @classmethod
     def of(cls, arm: ArmFile) -> Placement:
-        """Return the one that an arm file has."""
+        """Return the placement in an arm file."""
         return cls(arm.base, arm.mount, arm.waiting)
 
 
 def drawn(start: Placement, urdf: str, arm: ArmFile, kept: tuple[str, ...], rng: np.random.Generator) -> Placement:
-    """Draw a placement.
+    """Draw a placement at random.
 
     Args:
-        start: What is kept is as there.
+        start: Placement whose parts in `kept` are not changed.
         urdf: Path of the URDF.
         arm: Its arm file.
-        kept: Of PARTS.
+        kept: Parts that are kept, of PARTS.
         rng: Random numbers.
     """
     made = start
@@ -67,7 +76,16 @@ def drawn(start: Placement, urdf: str, arm: ArmFile, kept: tuple[str, ...], rng:
 
 
 def ready(model: ArmModel, arm: ArmFile, rng: np.random.Generator) -> tuple[float, ...] | None:
-    """Return a posture that holds the racket behind the middle of the hit window, towards the opponent; None if there is none."""
+    """Find a waiting posture that holds the racket behind the middle of the hit window, with its face towards the opponent.
+
+    Args:
+        model: The arm.
+        arm: Its arm file, which has the hit window.
+        rng: Random numbers for the posture from which the search starts.
+
+    Returns:
+        (n,) rad or m; None if no posture was found.
+    """
     window = arm.hit_window
     middle = [0.5 * (window.x_low + window.x_high) - BEHIND, 0.5 * (window.y_low + window.y_high), 0.5 * (window.z_low + window.z_high)]
     racket = RacketState(1.0, np.array(middle), np.zeros(3), 0.0, 1.2)
@@ -76,12 +94,12 @@ def ready(model: ArmModel, arm: ArmFile, rng: np.random.Generator) -> tuple[floa
 
 
 def changed(one: Placement, limits: Array, kept: tuple[str, ...], rng: np.random.Generator) -> Placement:
-    """Return a placement near another one.
+    """Return a placement near another one, changed at random.
 
     Args:
         one: The other one.
-        limits: (n, 2) rad or m, positions of the joints.
-        kept: Of PARTS.
+        limits: (n, 2) rad or m, position limits of the joints.
+        kept: Parts that are kept, of PARTS.
         rng: Random numbers.
     """
     made, parts = one, [part for part in PARTS if part not in kept and rng.uniform() < 0.6] or [PARTS[-1]]

@@ -1,4 +1,7 @@
-"""How many balls an arm could make a stroke for in time, from strokes that are prepared once: a hundred times as fast as playing them."""
+"""Quick score of an arm: for how many balls it could make a stroke in time.
+
+The strokes, racket states that return the ball, are prepared once. This is a hundred times as fast as a simulation of the balls.
+"""
 
 from __future__ import annotations
 
@@ -20,19 +23,19 @@ from ..episode import Plan, Trial
 from ..scenario import Scenario, load
 
 AHEAD = 0.01  # s from the strokes' arrival to the begin of a swing, see `tt_arm.control.ControlParams`
-PROBE = 8  # balls of each kind, after which an arm that has made a stroke for few of them is given up
-FEW = 0.15  # share of them
-BALLS = 100  # of each kind
+PROBE = 8  # balls of each kind, after which an arm that can make a stroke for less than FEW of them is given up
+FEW = 0.15  # share of these balls
+BALLS = 100  # number of balls of each kind
 KINDS = ("real", "rallies")  # scenarios: the catapult, and real play
 
 
 @dataclass(frozen=True)
 class QuickScore:
-    """Shares of the balls for which a stroke can be made in time.
+    """Shares, 0 to 1, of the balls for which an arm can make a stroke in time.
 
     Attributes:
-        catapult: Of the catapult's, scales 3 to 5.
-        rallies: Of real play's.
+        catapult: Share for the catapult's balls, scales 3 to 5.
+        rallies: Share for shots of real play.
     """
 
     catapult: float
@@ -41,26 +44,38 @@ class QuickScore:
 
 @dataclass(frozen=True)
 class PreparedBall:
-    """The strokes for a ball, and when they are at the arm (s)."""
+    """Strokes for one ball, best first, and the time (s) at which they arrive at the arm."""
 
     rackets: tuple[RacketState, ...]
     due: float
 
 
 def window_of(arm: ArmFile) -> InterceptParams:
-    """Return where the strokes of an arm are looked for."""
+    """Return the region in which strokes for an arm are searched for: its hit window, with its racket speed."""
     return InterceptParams.of(arm.hit_window, arm.racket_speed)
 
 
 def scenario_of(kind: str, window: InterceptParams) -> Scenario:
-    """Return a scenario of KINDS with another window, without images."""
+    """Return a scenario without images, with another region in which strokes are searched for.
+
+    Args:
+        kind: Name of the scenario, of KINDS.
+        window: The region.
+    """
     scenario = load(kind, images=False)
     return replace(scenario, robot=replace(scenario.robot, intercept=window))
 
 
 @functools.lru_cache(maxsize=2)
 def prepared(window: InterceptParams) -> dict[str, list[PreparedBall]]:
-    """Return BALLS of each of KINDS, measured and with their strokes; the same ones each time. Raises NoShots."""
+    """Return measured balls with their strokes, BALLS for each of KINDS. They are the same in each call.
+
+    Args:
+        window: Region in which strokes are searched for.
+
+    Raises:
+        NoShots: There are no shots of real play.
+    """
     balls: dict[str, list[PreparedBall]] = {}
     for kind in KINDS:
         plans = [Plan.of(Trial.drawn(scenario_of(kind, window), seed)) for seed in range(BALLS)]
@@ -69,7 +84,18 @@ def prepared(window: InterceptParams) -> dict[str, list[PreparedBall]]:
 
 
 def quick_score(model: ArmModel, arm: ArmFile) -> QuickScore:
-    """Score an arm; 0 if it cannot wait where it should, and what the first PROBE balls say if that is little. Raises NoShots."""
+    """Compute the quick score of an arm.
+
+    It is 0 if the arm is too near to an obstacle in its waiting posture. It is that of the first PROBE balls of each kind if this is below
+    FEW.
+
+    Args:
+        model: The arm.
+        arm: Its arm file.
+
+    Raises:
+        NoShots: There are no shots of real play.
+    """
     limits = SwingLimits(command_timeout=arm.command_timeout)
     if clearance(model.waiting, model.bodies)[0] < limits.clearance:
         return QuickScore(0.0, 0.0)

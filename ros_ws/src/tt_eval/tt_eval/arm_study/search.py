@@ -1,4 +1,7 @@
-"""Search where an arm should stand: random placements, then changes of the best ones, on all cores, resumed after an interruption."""
+"""Search for the best placement of an arm, on all cores: random placements, then changes of the best ones.
+
+A search that was interrupted is resumed.
+"""
 
 from __future__ import annotations
 
@@ -20,46 +23,50 @@ from .placement import Placement, changed, drawn
 from .quick_score import QuickScore, quick_score
 
 DRAWN = 0.4  # share of the candidates that are drawn anew; the others are changes of the best ones
-PARENTS = 8  # best ones that are changed
+PARENTS = 8  # number of the best candidates that are changed
 LARGEST = 20 * 1024 * 1024  # bytes of the file of a search
 
 
 class OtherSearch(TtError):
-    """A file of another search where this one is to be kept."""
+    """The file for this search is that of another search."""
 
     def __init__(self, file: Path) -> None:
-        """Keep the file."""
+        """Store the file."""
         super().__init__(f"{file} is of the search of another arm, or no file of a search; remove it or name another folder")
         self.file = file
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A placement and its score.
+    """A placement of the arm and its score.
 
     Attributes:
-        placement: How the arm is set up.
-        score: What it can do.
+        placement: Where the arm stands, how it holds the racket and where it waits.
+        score: Its quick score.
     """
 
     placement: Placement
     score: QuickScore
 
     def value(self, weight: float) -> float:
-        """Return what is searched for: the shares of both kinds of balls, that of real play with a weight of 0 to 1."""
+        """Return the value that the search maximizes: the weighted mean of the shares for both kinds of balls.
+
+        Args:
+            weight: Weight of real play, 0 to 1.
+        """
         return (1.0 - weight) * self.score.catapult + weight * self.score.rallies
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is searched.
+    """Parameters of a search.
 
     Attributes:
         urdf: Path of the URDF.
         arm: Its arm file, which has the first placement.
         kept: Parts of the placement that are not varied.
-        weight: Of real play, 0 to 1.
-        count: Candidates.
+        weight: Weight of real play in the value of a candidate, 0 to 1.
+        count: Number of candidates.
     """
 
     urdf: str
@@ -70,7 +77,7 @@ class Task:
 
 
 def front(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return those that no other one is better than in both kinds of balls, in the order of the catapult's share."""
+    """Return the candidates for which no other one is better in both kinds of balls, by rising share for the catapult."""
     best, found = -1.0, list[Candidate]()
     for one in sorted(candidates, key=lambda c: (c.score.catapult, c.score.rallies), reverse=True):
         if one.score.rallies > best:
@@ -80,12 +87,15 @@ def front(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def evaluate(task: Task, number: int, parent: Placement | None) -> Candidate:
-    """Make and score one candidate.
+    """Make one candidate and compute its score.
 
     Args:
-        task: What is searched.
-        number: Of the candidate; gives its random numbers. Number 0 is the placement of the arm file.
-        parent: What is changed; None to draw one anew.
+        task: Parameters of the search.
+        number: Number of the candidate, the seed of its random numbers. Number 0 is the placement of the arm file.
+        parent: Placement that is changed; None to draw a new one.
+
+    Raises:
+        TtError: The arm itself cannot be used.
     """
     rng, start = np.random.default_rng(number), Placement.of(task.arm)
     try:
@@ -106,13 +116,16 @@ def evaluate(task: Task, number: int, parent: Placement | None) -> Candidate:
 
 
 def search(task: Task, file: Path, workers: int | None = None, told: Callable[[str], None] | None = None) -> list[Candidate]:
-    """Score `task.count` candidates; those in the file already are not scored again.
+    """Score `task.count` candidates. Those that are in the file already are not scored again.
 
     Args:
-        task: What is searched.
-        file: JSON, a line for each candidate, after one that names the arm.
-        workers: Processes; None: one for each core.
-        told: Called with a line now and then where there is no terminal for a bar.
+        task: Parameters of the search.
+        file: JSON file with a line for each candidate, after a line that identifies the arm.
+        workers: Number of processes; None: one for each core.
+        told: Called with a line of progress now and then if there is no terminal for a bar.
+
+    Returns:
+        All candidates, those of the file first; the first one is the placement of the arm file.
 
     Raises:
         OtherSearch: The file is of another search.
@@ -151,7 +164,7 @@ def search(task: Task, file: Path, workers: int | None = None, told: Callable[[s
 
 
 def _parent(task: Task, done: Sequence[Candidate], number: int) -> Placement | None:
-    """Return what the candidate changes; None to draw it anew."""
+    """Return the placement that a candidate changes; None if a new one is to be drawn."""
     rng = np.random.default_rng([number, 1])
     if number < DRAWN * task.count and rng.uniform() < 0.8 and len(task.kept) < 2:
         return None

@@ -1,4 +1,4 @@
-"""How fast the racket of an arm can be over its hit window, and which joint bounds it."""
+"""Racket speeds that an arm reaches in its hit window, and the joints that limit them."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from tt_core.hit_windows import HitWindow
 from tt_core.states import Array, RacketState
 
 COLUMNS, ROWS = 9, 6  # points of the map across the table and upwards
-FASTEST = 16.0  # m/s, looked for at most
-STEPS = 7  # halvings of the speed
-UPWARDS = 0.6  # of the forward velocity, as in usual returns
+FASTEST = 16.0  # m/s, upper end of the search
+STEPS = 7  # number of bisections of the speed
+UPWARDS = 0.6  # upward over forward velocity of the racket, as in usual returns
 
 
 @dataclass(frozen=True, eq=False)
 class SpeedMap:
-    """Racket speeds in the plane in the middle of the hit window.
+    """Racket speeds that an arm reaches, over the plane x = const in the middle of the hit window.
 
     Attributes:
-        y: (COLUMNS,) m.
-        z: (ROWS,) m.
+        y: (COLUMNS,) m in `table`.
+        z: (ROWS,) m in `table`.
         speed: (ROWS, COLUMNS) m/s, of a racket that moves forwards and upwards with its face forwards; 0 out of reach.
-        bounding: By joint, share of the points within reach where its speed limit is used most.
+        bounding: For each joint, share of the points within reach where this joint is nearest to its speed limit.
     """
 
     y: Array
@@ -34,7 +34,15 @@ class SpeedMap:
 
 
 def speed_map(model: ArmModel, window: HitWindow, command_timeout: float) -> SpeedMap:
-    """Find the speeds, by halving, from postures that leave room to brake after the drives held a command for `command_timeout` (s)."""
+    """Compute the racket speeds that an arm reaches, by bisection.
+
+    The postures leave room to brake after the drives have held a command.
+
+    Args:
+        model: The arm.
+        window: Its hit window.
+        command_timeout: s, for which the drives hold a command.
+    """
     y, z = np.linspace(window.y_low, window.y_high, COLUMNS), np.linspace(window.z_low, window.z_high, ROWS)
     speeds, bounding, x = np.zeros((ROWS, COLUMNS)), list[int](), 0.5 * (window.x_low + window.x_high)
     params = ReachParams(swing_time=1.0, command_timeout=command_timeout)
@@ -49,7 +57,7 @@ def speed_map(model: ArmModel, window: HitWindow, command_timeout: float) -> Spe
 
 
 def _fastest(model: ArmModel, place: Array, params: ReachParams) -> tuple[float, Reach] | None:
-    """Return the highest speed (m/s) at a place (3,) m and its posture; None if the place is out of reach."""
+    """Return the highest racket speed (m/s) at a position (3,) m and its posture; None if the position is out of reach."""
     low, high, best = 0.0, FASTEST, None
     way = np.array([1.0, 0.0, UPWARDS]) / np.hypot(1.0, UPWARDS)
     for speed in (0.0, *[None] * STEPS):

@@ -1,1 +1,1 @@
-"""The experiments of Chapter 2 of the dissertation, and of its limits, on rendered bursts; each prints a table and saves figures."""
+"""The experiments of Chapter 2 of the dissertation, and one on their limits, on rendered images. Each prints a table and saves figures."""

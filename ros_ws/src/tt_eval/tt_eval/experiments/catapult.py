@@ -1,4 +1,8 @@
-"""The catapult experiment of dissertation Section 2.5.2: Tables 2.1 to 2.3 and Figures 2.17 to 2.20."""
+"""The catapult experiment of dissertation Section 2.5.2: Tables 2.1 to 2.3 and Figures 2.17 to 2.20.
+
+Velocity and spin of launched balls are measured from bursts, sets of six rendered image pairs, by the dissertation's Method 2 and by this
+project's method.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +38,18 @@ PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed 
 }
 PANELS = 6  # pictures of one burst
 AROUND = 1.3  # half squares around the balls that the pictures show
-CAMERA = 1  # "say Camera 2"
+CAMERA = 1  # index of the camera of the pictures, Camera 2 in the dissertation
 
 
 def shots(runs: int) -> Iterator[tuple[int, int, SyntheticBurst]]:
-    """Yield number of the shot, number of the trial, and the images."""
+    """Render the balls of the experiment.
+
+    Args:
+        runs: Trials of each shot.
+
+    Yields:
+        Number of the shot, number of the trial, and the images with the true state.
+    """
     rng = np.random.default_rng(0)
     for n, (kind, scale) in enumerate(SHOTS):
         for trial in range(runs):
@@ -51,7 +62,13 @@ def shots(runs: int) -> Iterator[tuple[int, int, SyntheticBurst]]:
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Print speed, spin, time and iterations of the first of `runs` trials and the errors over all; return Figures 2.17 to 2.20."""
+    """Run the catapult experiment on `runs` trials of each shot, and print a table.
+
+    The table has speed, spin, time and iterations of the first trial, and the median errors of the trials that were measured.
+
+    Returns:
+        Figures 2.17 to 2.20.
+    """
     heads = (
         "shot",
         "true: m/s, rpm",
@@ -108,7 +125,7 @@ def _convergence(traces: list[tuple[str, list[tuple[float, Array]]]]) -> list[go
 
 
 def _pictures(burst: Burst, spin: Array, title: str) -> list[go.Figure]:
-    """Return the pictures of one burst, PANELS of them.
+    """Return the PANELS pictures of one burst.
 
     (a) a frame, (b) its square, (c) the next frame's square as estimated from it, (d) the next frame, (e) its square, (f) the residual.
     """

@@ -15,7 +15,7 @@ EXPERIMENTS = {"rotation": rotation, "catapult": catapult, "robustness": robustn
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command experiment."""
     parser = argparse.ArgumentParser(prog="experiment", description=__doc__)
     parser.add_argument("name", choices=EXPERIMENTS)
     parser.add_argument("--runs", type=int, default=10, help="bursts for each row (default 10)")

@@ -1,4 +1,4 @@
-"""Robustness of the measurement: spin about any axis, 0 to 9,000 rpm, and one condition after another made worse."""
+"""Robustness of the measurement of the ball: spin about any axis, 0 to 9,000 rpm, and conditions that are made worse one by one."""
 
 from __future__ import annotations
 
@@ -43,7 +43,11 @@ SWEEPS: dict[str, BurstConditions] = {
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Print the errors of the measurement under each condition of `runs` bursts; return one figure of them."""
+    """Measure `runs` rendered balls under each condition of SWEEPS, and print a table of the errors of spin, position and velocity.
+
+    Returns:
+        A list of one figure: the errors of the spin under each condition.
+    """
     table = Table("condition", "spin rpm, median", "95 %", "worst", "over 300", "refused", "position mm, 95 %", "velocity m/s, 95 %")
     figure = go.Figure()
     for name, conditions in tracked("conditions", len(SWEEPS), SWEEPS.items()):

@@ -1,9 +1,9 @@
-"""The rotation machine: a ball that turns in place about the two printed axes, 1,500 to 3,000 rpm (Figures 2.14 and 2.15).
+"""The rotation machine: a ball that rotates in place about the two printed axes, 1,500 to 3,000 rpm (Figures 2.14 and 2.15).
 
-The text does not say in which frame the axes are. In `table` the first one points along the lines of sight of cameras beside the table,
-about which Method 1 cannot see a rotation; in the frame of Camera 2, x to the right and y down, both lie across the line of sight. So both
-frames are shown. Method 1 then finds 0.4 to 0.9 of the speed: it takes the shift of a square for that of its middle, but marks off the
-middle move less.
+The text of the dissertation does not say in which frame the axes are given. In `table` the first axis points along the lines of sight of
+cameras beside the table, about which Method 1 cannot see a rotation. In the frame of Camera 2, x to the right and y down, both axes lie
+across the line of sight. So both frames are shown. Method 1 then finds 0.4 to 0.9 of the speed: it takes the shift of a square for that of
+its middle, but marks off the middle move less.
 """
 
 from __future__ import annotations
@@ -28,13 +28,20 @@ from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
 FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
 METHODS = {"correlation": "Method 1", "liu": "Method 2", "registration": "registration"}
-LAMP = Lamps((Lamp((2.45, 0.33, 0.60), 0.25),), ambient=0.12)  # one, 0.5 m from the ball, near the lines of sight
-CLOSE = 0.97  # inner product of the axes that counts as right, 14 deg
-RIGHT = 200.0  # rpm of speed that counts as right
+LAMP = Lamps((Lamp((2.45, 0.33, 0.60), 0.25),), ambient=0.12)  # one lamp, 0.5 m from the ball, near the lines of sight
+CLOSE = 0.97  # least inner product of the estimated and the true axis that counts as right, 14 deg
+RIGHT = 200.0  # rpm, largest error of the speed that counts as right
 
 
 def turning(runs: int) -> Iterator[tuple[str, int, int, Array, SyntheticBurst]]:
-    """Yield frame, number of the axis, speed (rpm), spin (3,) rad/s and images of each trial."""
+    """Render the balls of the experiment.
+
+    Args:
+        runs: Trials of each speed, axis and frame.
+
+    Yields:
+        Name of the frame, number of the axis, speed (rpm), true spin (3,) in rad/s, and the images of each trial.
+    """
     rng = np.random.default_rng(0)
     for frame, rotation in FRAMES.items():
         for a, axis in enumerate(AXES):
@@ -48,12 +55,21 @@ def turning(runs: int) -> Iterator[tuple[str, int, int, Array, SyntheticBurst]]:
 
 
 def along(got: Array, spin: Array) -> float:
-    """Return the inner product of the axes; 0 without a spin."""
+    """Return the inner product of the axes of two spins; 0 if one of them is zero.
+
+    Args:
+        got: (3,) rad/s, estimated spin.
+        spin: (3,) rad/s, true spin.
+    """
     return float(got @ spin / max(float(np.linalg.norm(got) * np.linalg.norm(spin)), 1e-12))
 
 
 def run(runs: int) -> list[go.Figure]:
-    """Measure each spin of the rotation machine `runs` times, print how often speed and axis are right; return Figures 2.14 and 2.15."""
+    """Measure each spin of the rotation machine `runs` times with each method, and print how often speed and axis are right.
+
+    Returns:
+        Figures 2.14 and 2.15.
+    """
     rows = []  # frame, axis, method, speed, estimated speed, inner product, vector error, ms
     count = len(FRAMES) * len(AXES) * len(SPEEDS) * runs
     for frame, a, speed, spin, burst in tracked("bursts", count, turning(runs)):

@@ -1,1 +1,1 @@
-"""What cameras show of the true world."""
+"""Simulated cameras: images and pixels of the true ball, and faults of the cameras."""

@@ -1,4 +1,4 @@
-"""What goes wrong between exposure and estimator: images are late, have wrong stamps, are lost or come twice."""
+"""Faults between the high-speed cameras and the estimator: images are late, have wrong stamps, are lost or arrive twice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .camera_sequence import Frame
 
 @dataclass(frozen=True, slots=True)
 class CameraFaults:
-    """Faults of the high-speed cameras; all zero is the perfect pair."""
+    """Faults of the high-speed cameras. All are zero for a perfect pair."""
 
     latency: float = param(0.0, "s", "time from the middle of the exposure to the arrival of the image", low=0.0, high=1.0)
     jitter: float = param(0.0, "s", "standard deviation of the stamp of an image", low=0.0, high=0.01)
@@ -32,9 +32,9 @@ def arrivals(frames: Iterable[Frame], faults: CameraFaults, rng: np.random.Gener
     """Apply the faults to the frames of a ball.
 
     Args:
-        frames: As the cameras take them.
-        faults: Latency does not act here: it changes when an image arrives, not its stamp.
-        rng: Of what is lost and repeated, and of the jitter.
+        frames: The frames as the cameras take them.
+        faults: The faults. The latency is not applied here, because it does not change stamps.
+        rng: Random numbers for losses, repetitions and jitter.
 
     Yields:
         Camera (0 left, 1 right), stamp (s) and image, as the estimator gets them.

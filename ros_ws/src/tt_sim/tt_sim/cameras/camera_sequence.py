@@ -1,4 +1,4 @@
-"""The images that the cameras take of one launched ball, frame by frame, while it is in view."""
+"""Images that the high-speed cameras take of one launched ball while it is in view."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Frame:
 
 
 def in_view(camera: Camera, ball: BallState) -> bool:
-    """Return whether any part of the ball can be in the image of a camera."""
+    """Tell whether any part of the ball can be in the image of a camera."""
     depth = float((camera.rotation @ ball.position + camera.translation)[2])
     if depth < 2.0 * BALL_RADIUS:
         return False
@@ -47,13 +47,13 @@ def orientation_after(orientation: Array, ball: BallState, duration: float, phys
     """Return the orientation of a ball after some free flight.
 
     Args:
-        orientation: (3, 3) ball to `table` at the beginning.
-        ball: At the beginning.
+        orientation: (3, 3) from the ball's frame to `table` at the beginning.
+        ball: The ball at the beginning.
         duration: s.
-        physics: For the decay of the spin.
+        physics: True physics, for the decay of the spin.
 
     Returns:
-        (3, 3) ball to `table`.
+        (3, 3) from the ball's frame to `table` at the end.
     """
     decay = physics.air.spin_decay
     turned = -math.expm1(-decay * duration) / decay if decay > 0.0 else duration
@@ -70,20 +70,20 @@ def camera_sequence(
     frame_rate: float = FRAME_RATE,
     exposure: float = EXPOSURE,
 ) -> Iterator[Frame]:
-    """Render the frames of one ball, from when any camera has it in view until none has.
+    """Render the images of one ball, from the first frame in which any camera has it in view until no camera has.
 
     Args:
-        ball: At its launch.
-        orientation: (3, 3) ball to `table` then.
+        ball: The ball at its launch.
+        orientation: (3, 3) from the ball's frame to `table` at the launch.
         cameras: The cameras.
         scene: Marks, light and sensor.
-        physics: Of the ball.
-        rng: Of the noise.
+        physics: True physics of the ball.
+        rng: Random numbers for the noise.
         frame_rate: 1/s. Frames are at whole periods after the launch.
         exposure: s.
 
     Yields:
-        Frame by frame.
+        The images of all cameras, frame by frame.
     """
     seen = False
     for i in range(1, math.ceil(IN_VIEW * frame_rate)):

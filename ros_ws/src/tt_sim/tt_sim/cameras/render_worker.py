@@ -1,8 +1,8 @@
-"""Render launches and their images in a process of its own, so that rendering does not delay the deadlines of the simulator.
+"""Rendering of launched balls in a process of its own, so that rendering does not delay the simulator.
 
 `python -m tt_sim.cameras.render_worker` reads pickles from its standard input: first a LaunchRenderer, then kind and scale of each shot. It
-writes a pickled RenderedLaunch for each. It runs at a lower priority and in a session of its own, so that Ctrl-C in a terminal does not
-reach it, and it ends when its input ends, which also happens when the process that started it ends.
+writes a pickled RenderedLaunch for each shot. It runs at a lower priority and in a session of its own, so that Ctrl-C in a terminal does
+not reach it, and it ends when its input ends, which also happens when the process that started it ends.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from ..world.launcher import LauncherParams, launch
 from .camera_faults import CameraFaults, arrivals
 from .camera_sequence import camera_sequence
 
-NICE = 10  # a late launch is only launched later, but a late node has missed the ball
+NICE = 10  # lower priority than nodes have: a launch that is rendered late flies later, but a node that is late misses the ball
 GUARD = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends the process with its parent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayedImage:
-    """An image on its way.
+    """An image, and the time at which it arrives.
 
     Attributes:
         due: s after the launch, when it arrives.
-        stamp: s after the launch.
-        side: Of the camera, 0 left, 1 right.
-        image: (h, w).
+        stamp: s after the launch, middle of the exposure by the clock of the cameras.
+        side: Camera: 0 left, 1 right.
+        image: (h, w) grey levels.
     """
 
     due: float
@@ -49,12 +49,12 @@ class DelayedImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RenderedLaunch:
-    """One launch and its images.
+    """One launched ball and its images.
 
     Attributes:
-        ball: At the launch, time 0.
-        physics: Of this ball.
-        images: In the order in which they arrive.
+        ball: The ball at the launch, with time 0.
+        physics: True physics of this ball.
+        images: Images in the order in which they arrive.
     """
 
     ball: BallState
@@ -64,14 +64,14 @@ class RenderedLaunch:
 
 @dataclass(frozen=True)
 class LaunchRenderer:
-    """Launcher, cameras and their faults.
+    """Launcher, cameras and their faults: all that is needed to render launched balls.
 
     Attributes:
-        seed: Of the marks on the ball, and of all random numbers.
-        launcher: Where it stands and how it scatters.
-        physics: Of balls without randomization.
-        domain_randomization: How balls differ.
-        faults: Of the cameras.
+        seed: Seed of the marks on the ball, and of all random numbers.
+        launcher: Parameters of the launcher.
+        physics: Mean physics of the balls.
+        domain_randomization: Random differences of the physics from ball to ball.
+        faults: Faults of the cameras.
     """
 
     seed: int = 0
@@ -81,7 +81,14 @@ class LaunchRenderer:
     faults: CameraFaults = field(default_factory=CameraFaults)
 
     def render(self, kind: str, scale: int, scene: Scene, rng: np.random.Generator) -> RenderedLaunch:
-        """Render one launch, of a kind and scale as of `launch`."""
+        """Draw a launch at random and render its images.
+
+        Args:
+            kind: Kind of the shot, as for `tt_sim.world.launcher.launch`.
+            scale: Scale of the shot, as for `launch`.
+            scene: Marks, light and sensor.
+            rng: Random numbers.
+        """
         ball, orientation = launch(kind, scale, self.launcher, rng)
         physics, faults = self.domain_randomization.draw(self.physics, rng), self.faults
         frames = camera_sequence(ball, orientation, high_speed_pair(), scene, physics, rng)
@@ -93,27 +100,31 @@ class LaunchRenderer:
 
 
 class RenderWorker:
-    """A process that renders launches."""
+    """A process that renders launched balls on request."""
 
     def __init__(self, renderer: LaunchRenderer) -> None:
-        """Start it; renderer: what it does."""
+        """Start the process.
+
+        Args:
+            renderer: Launcher, cameras and faults.
+        """
         command = (*GUARD, sys.executable, "-m", __name__)
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         self._closed = False
         self._send(renderer)
 
     def render(self, kind: str, scale: int) -> RenderedLaunch | None:
-        """Wait for the next launch.
+        """Request a launch and wait until it is rendered.
 
         Args:
-            kind: As of `launch`.
-            scale: As of `launch`.
+            kind: Kind of the shot, as for `tt_sim.world.launcher.launch`.
+            scale: Scale of the shot, as for `launch`.
 
         Returns:
-            The launch; None once the worker is closed.
+            The launch; None if the worker was closed meanwhile.
 
         Raises:
-            EOFError: The process has ended.
+            EOFError: The process has ended by itself.
         """
         try:
             self._send((kind, scale))
@@ -136,7 +147,7 @@ class RenderWorker:
 
 
 def main() -> None:
-    """Render until the input ends."""
+    """Render the launches that are requested on standard input, until it ends."""
     set_nice(NICE)  # the simulator itself runs above the usual priority
     try:
         renderer: LaunchRenderer = pickle.load(sys.stdin.buffer)

@@ -25,10 +25,10 @@ FOLLOWED = 3.0  # s after the launch, that a ball is followed
 
 @dataclass(frozen=True, slots=True)
 class TrackingCameraFaults:
-    """How the wide cameras differ from perfect ones.
+    """Differences of the wide cameras from perfect ones.
 
     The default noise is that of the centroid of a ball 7 pixels wide: tests/sim/test_tracking_cameras.py renders it with its marks in the
-    light of three lamps, cuts it at 0.3 of its brightness and finds 0.09 pixels. Motion blur of 2 ms does not shift the centroid.
+    light of three lamps, segments it at 0.3 of its brightness and finds 0.09 pixels. Motion blur of 2 ms does not shift the centroid.
     """
 
     noise: float = param(0.1, "pixels", "standard deviation of each pixel coordinate of the ball", low=0.0, high=10.0)
@@ -50,7 +50,7 @@ class TrackingCameraFaults:
 
 @functools.cache
 def believed() -> tuple[Camera, Camera]:
-    """Return the pair as it was calibrated."""
+    """Return the pair of wide cameras as it was calibrated, i.e. as the robot assumes it to be."""
     return wide_pair()
 
 
@@ -78,27 +78,32 @@ def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArr
 
 
 class TrackingCameraPair:
-    """The pair as it really stands.
+    """The true pair of wide cameras, with its faults.
 
     Attributes:
-        faults: How it differs from a perfect one.
-        cameras: Where the cameras really are.
+        faults: Differences from a perfect pair.
+        cameras: The cameras in their true poses.
     """
 
     def __init__(self, faults: TrackingCameraFaults, rng: np.random.Generator) -> None:
-        """Turn the calibrated cameras at random; rng: of the rotations."""
+        """Rotate the calibrated cameras at random.
+
+        Args:
+            faults: Differences from a perfect pair, with the standard deviation of the rotations.
+            rng: Random numbers for the rotations.
+        """
         self.faults = faults
         self.cameras = tuple(_turned(camera, faults.turned, rng) for camera in believed())
 
     def pixels(self, places: Array, rng: np.random.Generator) -> Array:
-        """Return the pixels of a ball.
+        """Return the pixels at which the cameras see a ball, with noise and losses.
 
         Args:
-            places: (n, 3) m, of the ball.
-            rng: Of noise and losses.
+            places: (n, 3) m in `table`, true centres of the ball.
+            rng: Random numbers for noise, losses and outliers.
 
         Returns:
-            (2, n, 2) for each camera; NaN where it does not see the ball or its pixel is lost.
+            (2, n, 2) column and row for each camera and place; NaN where the camera does not see the ball or its pixel is lost.
         """
         faults, n = self.faults, len(places)
         seen = faults.noise * rng.standard_normal((2, n, 2))
@@ -114,39 +119,46 @@ class TrackingCameraPair:
         return seen
 
     def delay(self, rng: np.random.Generator) -> float:
-        """Return the time (s) from the middle of an exposure to the arrival of its pixel; rng: of how late it is."""
+        """Return the time (s) from the middle of an exposure to the arrival of its pixel.
+
+        Args:
+            rng: Random numbers for the part of the delay that varies.
+        """
         return self.faults.latency + (rng.uniform(0.0, self.faults.late) if self.faults.late > 0.0 else 0.0)
 
 
 class TrackedPixel(NamedTuple):
-    """The pixel of the ball in one frame of one camera."""
+    """Pixel of the ball in one frame of one wide camera."""
 
-    arrival: float  # s
+    arrival: float  # s, when the pixel arrives at the robot
     stamp: float  # s, middle of the exposure
     side: int  # 0 left, 1 right
-    pixel: Array  # (2,)
+    pixel: Array  # (2,) column and row of the ball's centre
 
 
 class TrackingCameras:
-    """The pair in a running world, frame by frame."""
+    """The pair of wide cameras in a running simulation, frame by frame."""
 
     def __init__(self, pair: TrackingCameraPair, air: Array, start: float, rng: np.random.Generator) -> None:
-        """Begin with the first frame.
+        """Start with the first frame.
 
         Args:
             pair: The cameras.
-            air: Coefficients of the air; those of all balls are good enough for a part of a tick.
-            start: s, of the first frame.
-            rng: Of the noise and the losses.
+            air: (8,) mean coefficients of the air (`Aerodynamics.coefficients`). They are accurate enough for a part of a tick.
+            start: s, time of the first frame.
+            rng: Random numbers for noise and losses.
         """
         self._pair, self._air, self._rng, self._due = pair, air, rng, start
 
     def frames(self, tick: Tick, wanted: bool = True) -> list[TrackedPixel]:
-        """Return what the pair sees during a tick, for each frame of each camera that sees the ball.
+        """Return what the cameras see during a tick, one step of the simulated robot.
 
         Args:
-            tick: What was true.
-            wanted: Whether anybody listens; without, frames pass and nothing is computed.
+            tick: The true state at the end of the tick.
+            wanted: Whether any node needs the pixels. If not, frames are skipped and nothing is computed.
+
+        Returns:
+            The pixel of each frame of each camera that sees the ball.
         """
         seen = list[TrackedPixel]()
         while self._due <= tick.joints.time:
@@ -170,11 +182,11 @@ def _turned(camera: Camera, sigma: float, rng: np.random.Generator) -> Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightings:
-    """Where both cameras saw one ball.
+    """Pixels at which both wide cameras saw one ball.
 
     Attributes:
-        times: (n,) s, rising.
-        pixels: (2, n, 2), left and right.
+        times: (n,) s, increasing.
+        pixels: (2, n, 2) column and row of the left and of the right camera.
     """
 
     times: Array
@@ -182,13 +194,13 @@ class Sightings:
 
     @classmethod
     def of(cls, outcome: Outcome, air: Array, faults: TrackingCameraFaults, rng: np.random.Generator) -> Sightings:
-        """Return what the pair sees of a whole flight.
+        """Return what a pair with random errors sees of a whole flight; frames that one of the cameras misses are left out.
 
         Args:
             outcome: The flight, from launch to end.
-            air: Coefficients of the true air.
-            faults: Of the pair.
-            rng: Of the faults, and of the time of the first frame: cameras are not synchronized with the launch.
+            air: (8,) coefficients of the true air (`Aerodynamics.coefficients`).
+            faults: Faults of the pair.
+            rng: Random numbers for the faults, and for the time of the first frame, because cameras are not synchronized with the launch.
         """
         first, pair = outcome.launched.time + rng.uniform() / WIDE_RATE, TrackingCameraPair(faults, rng)
         times = np.arange(first, outcome.followed_until(outcome.launched.time + FOLLOWED), 1.0 / WIDE_RATE)

@@ -1,4 +1,4 @@
-"""The worst that the true arm did since the start: speed, acceleration, distance to its end stops, and clearance."""
+"""Record of the extreme values of the true arm since the start: speed, acceleration, distance to end stops, and clearance."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import OBSTACLES, clearance
 from tt_core.states import Array
 
-ROUNDING = 1e-6  # of the speed limit; a speed at the limit may be above it by so much
+ROUNDING = 1e-6  # share of the speed limit by which a speed at the limit may be above it
 
 
 class Bound(Enum):
-    """Bounds that the true arm must not break."""
+    """Limits that the true arm must keep."""
 
     SPEED_LIMIT = "speed limit"
     END_STOP = "end stop"
@@ -25,13 +25,13 @@ class Bound(Enum):
 
 
 class TickExtremes(NamedTuple):
-    """The worst joint of one tick in each respect.
+    """Extreme values over all joints in one tick, one step of the simulation.
 
     Attributes:
-        speed: Largest speed, in speed limits.
-        acceleration: rad/s^2, the largest.
-        limit_distance: rad, from the nearest joint to its end stop.
-        clearance: m.
+        speed: Largest ratio of a joint's speed to its speed limit.
+        acceleration: rad/s^2, largest of a joint.
+        limit_distance: rad, least distance of a joint to its end stop.
+        clearance: m, least distance of the arm to table, floor and itself.
         nearest: Index in OBSTACLES of what is nearest.
     """
 
@@ -44,15 +44,15 @@ class TickExtremes(NamedTuple):
 
 @njit(cache=True)
 def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: JointBounds, bodies: Bodies) -> TickExtremes:
-    """Measure one tick.
+    """Return the extreme values of one tick.
 
     Args:
-        q: (n,) rad at its end.
-        qdot: (n,) rad/s at its end.
-        before: (n,) rad/s at its beginning.
+        q: (n,) rad, positions at its end.
+        qdot: (n,) rad/s, speeds at its end.
+        before: (n,) rad/s, speeds at its beginning.
         duration: s.
-        limits: Of the joints.
-        bodies: Of the arm.
+        limits: Limits of the joints.
+        bodies: Bodies of the arm.
     """
     speed, acceleration, limit_distance = 0.0, 0.0, np.inf
     for i in range(len(q)):
@@ -64,19 +64,24 @@ def _measure(q: Array, qdot: Array, before: Array, duration: float, limits: Join
 
 
 class ArmRecord:
-    """The worst of each quantity, with the time when it was.
+    """The extreme value of each quantity of the arm since the start, and the time when it occurred.
 
     Attributes:
-        speed: (largest speed in speed limits, time s).
-        acceleration: (largest acceleration rad/s^2, time s).
-        limit_distance: (least distance to an end stop rad, time s).
-        hits: How many times an end stop was run into.
-        clearance: (least clearance m, time s).
-        nearest: What the least clearance was from.
+        speed: Largest ratio of a joint's speed to its speed limit, and its time (s).
+        acceleration: Largest acceleration of a joint (rad/s^2), and its time (s).
+        limit_distance: Least distance of a joint to its end stop (rad), and its time (s).
+        hits: How many times a joint ran into an end stop.
+        clearance: Least distance of the arm to table, floor and itself (m), and its time (s).
+        nearest: Which of these was nearest then, one of OBSTACLES.
     """
 
     def __init__(self, model: ArmModel, joints: Joints) -> None:
-        """Begin with the present state of the joints."""
+        """Start with the present state of the joints.
+
+        Args:
+            model: The arm.
+            joints: State of its joints.
+        """
         self._bodies, self._limits = model.bodies, model.limits.bounds
         self._joints = joints
         self._broken: frozenset[Bound] = frozenset()  # bounds, in the last tick
@@ -86,10 +91,10 @@ class ArmRecord:
         self.nearest = OBSTACLES[now.nearest]
 
     def note(self, joints: Joints) -> bool:
-        """Note the state at the end of a tick; 3 us.
+        """Add the state of the joints at the end of a tick, one step of the simulation. Takes 3 us.
 
         Returns:
-            Whether a bound is broken that was not broken in the tick before.
+            Whether a limit is broken that was not broken in the tick before.
         """
         last, self._joints = self._joints, joints
         time = joints.time
@@ -117,11 +122,11 @@ class ArmRecord:
 
     @property
     def kept(self) -> bool:
-        """Whether no bound was broken since the start."""
+        """Whether no limit was broken since the start."""
         return self.speed[0] <= 1.0 + ROUNDING and self.hits == 0 and self.clearance[0] > 0.0
 
     def to_text(self) -> dict[str, Any]:
-        """Return all of it as text, numbers in SI units."""
+        """Return all values as text, by name, for a diagnostic status; numbers in SI units."""
         worst = {"speed": self.speed, "acceleration": self.acceleration, "limit_distance": self.limit_distance, "clearance": self.clearance}
         texts = {name: f"{value:.9g}" for name, (value, _) in worst.items()}
         times = {f"{name}_time": f"{time:.6f}" for name, (_, time) in worst.items()}

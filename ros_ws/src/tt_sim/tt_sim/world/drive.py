@@ -1,4 +1,4 @@
-"""The drives of the simulated arm: they obey the newest velocity command of one controller, and brake without one."""
+"""Drives of the simulated arm: they follow the newest velocity command of one controller, and brake without a valid command."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from tt_core.errors import check_array, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
 
-LARGEST = 100.0  # rad/s, the largest command that is accepted and cut; 16 times the fastest limit
+LARGEST = 100.0  # rad/s, largest command that is accepted (and clipped to the speed limit); 16 times the fastest limit
 
 
 @dataclass(frozen=True)
 class DriveParams:
-    """What the drives do without a command."""
+    """Behaviour of the drives without a valid command."""
 
     command_timeout: float = param(
         COMMAND_TIMEOUT,
@@ -39,18 +39,18 @@ class DriveParams:
 
 
 class Drive:
-    """Velocity loops of all joints.
+    """Velocity controllers of all joints.
 
     Attributes:
-        sole: Whether at most one controller commands. While more do, the drives brake.
+        sole: Whether at most one node publishes commands. While more do, the drives brake.
     """
 
     def __init__(self, limits: JointLimits, params: DriveParams | None = None) -> None:
-        """Begin without a command.
+        """Start without a command.
 
         Args:
-            limits: Of the joints: at their speeds commands are cut.
-            params: What happens without a command.
+            limits: Limits of the joints. Commands are clipped to their speed limits.
+            params: Behaviour without a valid command.
         """
         self.params = params or DriveParams()
         self.sole = True
@@ -60,14 +60,14 @@ class Drive:
         self._ramp: Array | None = None  # rad/s, while the joints brake
 
     def take(self, command: object, now: float) -> None:
-        """Keep a command.
+        """Store a command, clipped to the speed limits.
 
         Args:
-            command: (n,) rad/s.
-            now: s, by a clock that only goes forwards.
+            command: (n,) rad/s, joint velocities.
+            now: s, time by a clock that only goes forwards.
 
         Raises:
-            BadShape: It is not one number for each joint.
+            BadShape: The command is not one number for each joint.
             NotFinite: A number is NaN or infinite.
             OutOfRange: A number is beyond LARGEST.
         """
@@ -77,16 +77,16 @@ class Drive:
         self._given = np.clip(values, -self._speeds, self._speeds), now
 
     def command(self, now: float, duration: float, qdot: Array, timeout: float) -> Array:
-        """Return what the joints follow for one tick.
+        """Return the velocities that the joints follow for one tick, one step of the simulation.
 
         Args:
             now: s, by the clock of `take`.
             duration: s, of the tick.
-            qdot: (n,) rad/s, the speeds at its beginning, from which braking starts.
-            timeout: s, for which a command holds by that clock.
+            qdot: (n,) rad/s, joint velocities at the beginning of the tick, from which braking starts.
+            timeout: s, by the clock of `take`: how long a command is valid. Negative: no command is.
 
         Returns:
-            (n,) rad/s, the newest command while it holds, otherwise a ramp to zero.
+            (n,) rad/s, the newest command while it is valid, otherwise a ramp to zero.
         """
         given = self._given
         if self.sole and given is not None and now - given[1] <= timeout:
@@ -99,5 +99,5 @@ class Drive:
 
     @property
     def braking(self) -> bool:
-        """Whether the last tick had no command to follow."""
+        """Whether the drives had no valid command in the last tick."""
         return self._ramp is not None

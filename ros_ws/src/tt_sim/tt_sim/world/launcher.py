@@ -1,7 +1,8 @@
-"""The catapult machine at the opponent's end (dissertation Section 2.5.2, Tables 3.1 and 3.3).
+"""The machine that launches balls at the opponent's end, a catapult (dissertation Section 2.5.2, Tables 3.1 and 3.3).
 
-The tables have scales 3 to 5. Scales 1, 2 and 6 to 10 are extrapolated, not measured: forward speed and spin are continued along a straight
-line, the scatter is that of the nearest row, and the head is raised so that the mean ball lands at LANDING_X. This gives up to 13.6 m/s and
+A shot has a kind, which is the direction of its spin, and a scale, a setting of the machine that raises speed and spin. The tables have
+scales 3 to 5. Scales 1, 2 and 6 to 10 are extrapolated, not measured: forward speed and spin are continued along a straight line, the
+scatter is that of the nearest row, and the upward speed is chosen so that the mean ball lands at LANDING_X. This gives up to 13.6 m/s and
 6,240 rpm, which is within what opponents play (9,129 rpm at most). Scale 1 is a lob of 5 to 6 m/s: at its low forward speed, only a high
 ball reaches the robot in one bounce.
 """
@@ -22,10 +23,10 @@ from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
 KINDS = ("top", "back", "left", "right")
-MIXED = "mixed"  # one of KINDS at random
-SCALES = (1, 10)  # least and most
-RATES = (26.0, 94.0)  # balls a minute, least and most of the machine
-LANDING_X = 0.5  # m, where the mean ball of an extrapolated scale lands
+MIXED = "mixed"  # kind of a shot that is one of KINDS at random
+SCALES = (1, 10)  # least and largest scale
+RATES = (26.0, 94.0)  # balls per minute, least and largest rate of the machine
+LANDING_X = 0.5  # m, x in `table` where the mean ball of an extrapolated scale lands
 
 # kind -> scale -> v_x, v_z (m/s) and spin (rad/s), each with its scatter: Tables 3.1 and 3.3.
 # Side spin is not printed: about the mean of both.
@@ -51,7 +52,7 @@ _AXES = {"top": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (0.0, 0.0, -1
 
 @dataclass(frozen=True)
 class LauncherParams:
-    """Where the machine stands, and its scatter besides that of the tables."""
+    """Place and direction of the machine that launches balls, its rate, and its scatter besides that of the dissertation's tables."""
 
     x: float = param(2.62, "m", "x of the exit of the launcher's head", low=1.5, high=5.0)
     y: float = param(0.7625, "m", "y of the exit of the launcher's head; the middle of the table", low=0.0, high=1.525)
@@ -93,12 +94,12 @@ Row = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @functools.cache
 def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
-    """Return mean and standard deviation of v_x and v_z (m/s) and of the spin (rad/s).
+    """Return mean and standard deviation of v_x (m/s), of v_z (m/s) and of the spin (rad/s) of a shot.
 
     Args:
         kind: One of KINDS.
         scale: Whole number within SCALES.
-        height: m, of the head, for the scales that the tables do not have.
+        height: m, z of the launch, for the scales that are not in the tables.
 
     Raises:
         BadChoice: There is no such kind.
@@ -125,16 +126,16 @@ def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
 
 
 def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generator) -> tuple[BallState, Array]:
-    """Draw a ball at time 0 and its orientation.
+    """Draw a launched ball at random.
 
     Args:
         kind: One of KINDS, or MIXED.
         scale: Whole number within SCALES.
-        params: Of the machine.
-        rng: Of all that scatters.
+        params: Parameters of the machine.
+        rng: Random numbers for all that scatters.
 
     Returns:
-        The ball, and (3, 3) ball to `table`, evenly distributed.
+        The ball at its launch, with time 0, and its orientation: (3, 3) from the ball's frame to `table`, evenly distributed.
 
     Raises:
         BadChoice: There is no such kind.
@@ -151,7 +152,7 @@ def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generat
 
 
 def shot(text: str) -> tuple[str, int]:
-    """Return kind and scale of a shot from its text, e.g. ("top", 3) of "top 3".
+    """Return kind and scale of a shot from its text, e.g. ("top", 3) from "top 3".
 
     Raises:
         TtError: The text is not a kind and a scale.

@@ -1,4 +1,4 @@
-"""What became of one ball, from its contacts."""
+"""Result of a launched ball, from its contacts with table, net, floor and racket."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from tt_core.text_enum import TextEnum
 
 from .true_ball import Contact, Surface
 
-BEHIND = -1.5  # m, x of a ball that has passed the arm
-AFTER_LANDING = 0.1  # s, for which a ball is followed after its landing
-NODE = 0.04  # s between two integrated states; the cubic in between is off by 1e-5 m
+BEHIND = -1.5  # m, x in `table` below which a ball has passed the arm
+AFTER_LANDING = 0.1  # s, for which a ball is simulated after its landing
+NODE = 0.04  # s between two integrated states; cubic interpolation between them is off by 1e-5 m
 
 
 @njit(cache=True)
 def places(ball: Array, times: Array, air: Array) -> Array:
-    """Return where a ball in free flight is, by a cubic between states NODE s apart.
+    """Return the positions of a ball in free flight at many times, by cubic interpolation between states NODE s apart.
 
     Args:
-        ball: State (9,).
-        times: (n,) s after it, rising.
-        air: Coefficients of the air.
+        ball: (9,) position (m), velocity (m/s), spin (rad/s).
+        times: (n,) s after this state, increasing.
+        air: (8,) coefficients of the air, `Aerodynamics.coefficients`.
 
     Returns:
-        (n, 3) m.
+        (n, 3) m in `table`.
     """
     out, work, start, end, last = np.empty((len(times), 3)), np.empty((8, 3)), ball.copy(), ball.copy(), 0.0
     start_position, start_velocity, end_position, end_velocity = start[:3], start[3:6], end[:3], end[3:6]
@@ -48,25 +48,25 @@ def places(ball: Array, times: Array, air: Array) -> Array:
 
 
 class Result(TextEnum):
-    """What became of a ball."""
+    """Results of a launched ball."""
 
     MISSED = "missed"  # the racket has not touched it
     DOUBLE_BOUNCE = "double bounce"  # it touched the robot's half more than once before the racket
     FLYING = "flying"  # nothing has stopped it since the racket
-    NET = "net"
-    OWN_HALF = "own half"
-    SECOND_HIT = "second hit"
-    OFF_TABLE = "off the table"
+    NET = "net"  # it touched the net after the racket and did not land on the opponent's half
+    OWN_HALF = "own half"  # it landed on the robot's half
+    SECOND_HIT = "second hit"  # it touched the racket again before it landed
+    OFF_TABLE = "off the table"  # it fell to the floor
     RETURNED = "returned"  # it landed on the opponent's half
 
 
 @dataclass
 class Outcome:
-    """A flight so far.
+    """Record of the flight of one launched ball so far, and its result.
 
     Attributes:
         launched: The ball at its launch.
-        contacts: All so far, in order of time.
+        contacts: All contacts so far, in the order of time.
     """
 
     launched: BallState
@@ -74,22 +74,22 @@ class Outcome:
 
     @property
     def _struck(self) -> int | None:
-        """Index of the first contact with the racket; None before it."""
+        """Index of the first contact with the racket; None if there is none."""
         return next((i for i, c in enumerate(self.contacts) if c.surface is Surface.RACKET), None)
 
     @property
     def hit(self) -> Contact | None:
-        """The first contact with the racket; None before it."""
+        """The first contact with the racket; None if there is none."""
         return None if (i := self._struck) is None else self.contacts[i]
 
     @property
     def landing(self) -> Contact | None:
-        """The first contact after the hit that is not the net; None before it."""
+        """The first contact after the hit that is not with the net: the end of the return flight. None if there is none."""
         return None if (i := self._struck) is None else next((c for c in self.contacts[i + 1 :] if c.surface is not Surface.NET), None)
 
     @property
     def result(self) -> Result:
-        """The result as far as the contacts go: missed until the racket hits the ball, then flying until it meets something."""
+        """The result according to the contacts so far: MISSED before the racket hits the ball, then FLYING until the ball lands."""
         i = self._struck
         if i is None:
             return Result.MISSED
@@ -104,21 +104,24 @@ class Outcome:
         return {Surface.TABLE: Result.OWN_HALF, Surface.RACKET: Result.SECOND_HIT}.get(landing.surface, Result.OFF_TABLE)
 
     def followed_until(self, longest: float) -> float:
-        """Return the time (s) until which the flight matters, as far as the contacts go; `longest` at most."""
+        """Return the time (s) until which the flight is of interest, according to the contacts so far.
+
+        It is AFTER_LANDING after the landing, the contact with the floor, or `longest` (s), whichever is first.
+        """
         if (landing := self.landing) is not None:
             longest = min(longest, landing.before.time + AFTER_LANDING)
         floor = next((c.before.time for c in self.contacts if c.surface is Surface.FLOOR), longest)
         return min(longest, floor)
 
     def places(self, times: Array, air: Array) -> Array:
-        """Return where the ball was.
+        """Return the positions of the ball at many times.
 
         Args:
-            times: (n,) s, rising, not before the launch.
-            air: Coefficients of the air.
+            times: (n,) s, increasing, not before the launch.
+            air: (8,) coefficients of the air, `Aerodynamics.coefficients`.
 
         Returns:
-            (n, 3) m.
+            (n, 3) m in `table`.
         """
         balls = [self.launched, *(contact.after for contact in self.contacts)]
         cuts = np.searchsorted(times, [*(ball.time for ball in balls), np.inf])
@@ -126,7 +129,10 @@ class Outcome:
         return np.concatenate(parts)
 
     def to_text(self) -> dict[str, Any]:
-        """Return all of it as text: balls as JSON lists [time, position, velocity, spin], null for what did not happen."""
+        """Return result, states and offset of the hit as text, by name, for a diagnostic status.
+
+        States are JSON lists of time, position, velocity and spin in SI units. The text is null for what did not happen.
+        """
         hit, landing = self.hit, self.landing
         states = {
             "launched": self.launched,
@@ -138,7 +144,12 @@ class Outcome:
         return {"result": self.result.value, **rows, "offset": json.dumps(hit.offset if hit else None)}
 
     def over(self, ball: BallState | None, time: float) -> bool:
-        """Return whether nothing more that matters happens to the ball, which is None when it lies; time: s."""
+        """Tell whether the ball needs no further simulation.
+
+        Args:
+            ball: The ball now; None if it lies on the floor or the table.
+            time: s, now.
+        """
         if ball is None or (self.hit is None and ball.position[0] < BEHIND):
             return True
         return self.landing is not None and time > self.landing.before.time + AFTER_LANDING

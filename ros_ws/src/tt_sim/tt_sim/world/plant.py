@@ -1,8 +1,8 @@
-"""A simulated arm that obeys joint velocity commands with a lag, exactly integrated.
+"""Simulated arm that follows joint velocity commands with a lag, integrated exactly.
 
-For each joint qddot = (command - qdot) / time_constant, cut at the acceleration limit. The command is cut at the speed limit, and a joint
-that runs into its end stop stops there. With a torque limit, inverse dynamics (pinocchio) give the torques that a tick needs. If one is
-above its limit, the torques are cut, and forward dynamics give the motion.
+For each joint qddot = (command - qdot) / time_constant, limited to the acceleration limit. The command is limited to the speed limit, and a
+joint that reaches its end stop stops there. With a torque limit, inverse dynamics (pinocchio) give the torques that a step needs. If one of
+them is above its limit, the torques are limited, and forward dynamics give the motion.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .true_ball import RacketMotion
 
 @dataclass(frozen=True, slots=True)
 class PlantParams:
-    """How the simulated arm differs from the perfect one."""
+    """Differences of the simulated arm from a perfect one."""
 
     time_constant: float = param(0.005, "s", "lag of the joint velocity loops, an assumption", low=0.0001, high=1.0)
     acceleration: float = param(
@@ -49,15 +49,15 @@ class PlantParams:
 
 @njit(cache=True)
 def step_joint(q: float, v: float, u: float, duration: float, lag: float, acceleration: float) -> tuple[float, float]:
-    """Advance one joint: at the acceleration limit while more is asked for, then an exponential.
+    """Advance one joint: first at the acceleration limit, if the command needs more, then by an exponential.
 
     Args:
-        q: rad.
-        v: rad/s.
+        q: rad, position.
+        v: rad/s, speed.
         u: rad/s, the command.
         duration: s.
-        lag: s, time constant of the velocity loop.
-        acceleration: rad/s^2, limit both ways.
+        lag: s, time constant of the velocity controller.
+        acceleration: rad/s^2, limit in both directions.
 
     Returns:
         Position (rad) and speed (rad/s) after `duration`.
@@ -74,15 +74,15 @@ def step_joint(q: float, v: float, u: float, duration: float, lag: float, accele
 
 @njit(cache=True)
 def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limits: JointBounds, lag: float) -> None:
-    """Advance all joints in place. A joint that runs into its end stop stops there.
+    """Advance all joints in place. A joint that reaches its end stop stops there.
 
     Args:
         q: (n,) rad; changed.
         qdot: (n,) rad/s; changed.
         command: (n,) rad/s.
         duration: s.
-        limits: What the drives reach.
-        lag: s, time constant of the velocity loops.
+        limits: Limits of the joints that the drives reach.
+        lag: s, time constant of the velocity controllers.
     """
     for i in range(len(q)):
         u = min(limits[i].speed, max(-limits[i].speed, command[i]))
@@ -92,16 +92,21 @@ def advance_joints(q: Array, qdot: Array, command: Array, duration: float, limit
 
 
 class Plant:
-    """The simulated arm. It keeps constants only: the state is passed in and returned.
+    """The simulated arm. It holds constants only: the state of the joints is passed in and returned.
 
     Attributes:
         model: The arm.
-        params: How it differs from the perfect one.
-        limits: What its joints reach.
+        params: Differences from a perfect arm.
+        limits: Limits that its joints reach.
     """
 
     def __init__(self, model: ArmModel, params: PlantParams | None = None) -> None:
-        """Keep the constants of an arm."""
+        """Store the constants of an arm.
+
+        Args:
+            model: The arm.
+            params: Differences from a perfect arm.
+        """
         self.model, self.params = model, params or PlantParams()
         speed, effort = self.params.speed_share, self.params.torque_share
         self.limits = model.limits.reduced(speed=speed, effort=effort, acceleration=self.params.acceleration)
@@ -111,7 +116,7 @@ class Plant:
         return self.model.pinocchio.createData()
 
     def advance(self, state: Joints, command: Array, duration: float) -> Joints:
-        """Return the joints `duration` (s) later under one command.
+        """Return the state of the joints after some time under one command.
 
         Args:
             state: The joints now.
@@ -128,19 +133,35 @@ class Plant:
         return Joints(state.time + duration, q, qdot)
 
     def racket(self, state: Joints, command: Array | None = None, duration: float = 0.0) -> RacketMotion:
-        """Return the racket now, or `duration` (s) later under `command` (n,) rad/s; exact at any instant of a tick; about 15 us."""
+        """Return the state of the racket now, or after some time under one command; exact at any time within a tick. Takes about 15 us.
+
+        Args:
+            state: The joints now.
+            command: (n,) rad/s; None for the racket now.
+            duration: s, time under the command.
+        """
         q, qdot = (state.q.copy(), state.qdot) if command is None else self._after(state, command, duration)
         position, rotation, jacobian = forward(q, self.model.chain)
         return RacketMotion(position, rotation, jacobian[:3] @ qdot, jacobian[3:] @ qdot)
 
     def effort(self, before: Joints, after: Joints) -> Array:
-        """Return the mean torques (7,) N m of the motors between two states, by inverse dynamics; about 10 us."""
+        """Return the mean torques (n,) in N m of the motors between two states, by inverse dynamics. Takes about 10 us.
+
+        Args:
+            before: The joints at the beginning.
+            after: The joints at the end, at a later time.
+        """
         qddot = (after.qdot - before.qdot) / (after.time - before.time)
         torque: Array = pin.rnea(self.model.pinocchio, self._data, np.array(before.q), np.array(before.qdot), qddot)
         return torque.copy()
 
     def measured(self, state: Joints, rng: np.random.Generator) -> Joints:
-        """Return what the encoders measure."""
+        """Return the state of the joints as the encoders measure it.
+
+        Args:
+            state: The true state.
+            rng: Random numbers for the noise.
+        """
         params = self.params
         if params.q_noise == params.qdot_noise == params.q_step == 0.0:
             return state

@@ -1,4 +1,4 @@
-"""The racket of the true world: at one instant, and over time as the ball's kernels need it."""
+"""True state of the racket: at one time, and as a function of time for the compiled functions of the ball."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .vectors import Vector, norm
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RacketMotion:
-    """The racket at one instant, in frame `table`.
+    """State of the racket at one time, in frame `table`.
 
     Attributes:
         position: (3,) m, centre of the face.
@@ -31,20 +31,20 @@ class RacketMotion:
 
     @property
     def normal(self) -> Array:
-        """Unit normal of the face, (3,)."""
+        """Unit normal of the face, (3,) in `table`."""
         return self.rotation[:, 2]
 
     @property
     def row(self) -> Array:
-        """Position, normal, velocity and angular velocity, (12,), as the kernels take it."""
+        """Position (m), normal, velocity (m/s) and angular velocity (rad/s) as one array (12,), the form that compiled functions take."""
         return np.concatenate([self.position, self.normal, self.velocity, self.turning])
 
 
 class RacketTrack(NamedTuple):
-    """The racket over time, for the kernels.
+    """States of the racket at equally spaced times, for compiled functions.
 
     Attributes:
-        rows: (n, 12) of RacketMotion.row.
+        rows: (n, 12) RacketMotion.row at each time.
         tick: s, between two rows.
     """
 
@@ -53,7 +53,7 @@ class RacketTrack(NamedTuple):
 
 
 class RacketInstant(NamedTuple):
-    """The racket at one instant, for the kernels; fields as those of RacketMotion."""
+    """State of the racket at one time for compiled functions, with the fields of RacketMotion."""
 
     position: Vector
     normal: Vector
@@ -71,11 +71,13 @@ def racket_instant(row: Array) -> RacketInstant:
 
 @njit(cache=True)
 def racket_at(track: RacketTrack, time: float) -> RacketInstant:
-    """Interpolate the racket: Hermite in position, linear in the rest; before and after the track it is as at its ends.
+    """Interpolate the state of the racket in time: cubic Hermite in position, linear in the rest.
+
+    Before and after the track the racket is as at its ends.
 
     Args:
-        track: The racket.
-        time: s after its first row.
+        track: States of the racket.
+        time: s after the first state.
     """
     last, tick = len(track.rows) - 1, track.tick
     i = min(max(0, int(time / tick)), max(0, last - 1))
@@ -102,7 +104,12 @@ def _between(start: Vector, end: Vector, share: float) -> Vector:
 
 @njit(cache=True)
 def fastest_point(track: RacketTrack, radius: float) -> float:
-    """Return a bound of the speed (m/s) of every point of a racket of that radius (m)."""
+    """Return an upper bound of the speed (m/s) of all points of the racket, at the times of the track.
+
+    Args:
+        track: States of the racket.
+        radius: m, radius of the racket.
+    """
     fastest = 0.0
     for i in range(len(track.rows)):
         racket = racket_instant(track.rows[i])

@@ -1,4 +1,4 @@
-"""The rotation machine of dissertation Section 2.5.1: a ball that is held and turns about one of two printed axes."""
+"""The rotation machine of dissertation Section 2.5.1, which holds a ball and rotates it about one of two axes."""
 
 from __future__ import annotations
 
@@ -14,6 +14,12 @@ HELD = Aerodynamics(drag=0.0, drag_h=0.0, lift=0.0, lift_h=0.0, gravity=0.0)  # 
 
 
 def ball(number: int) -> BallState:
-    """Return the ball of a trial at time 0; axes alternate, and after both comes the next speed."""
+    """Return the ball of a trial, at rest at the centre of the cameras' view, with time 0.
+
+    The axes of rotation alternate. After both axes comes the next speed.
+
+    Args:
+        number: Number of the trial, from 0.
+    """
     axis, speed = AXES[number % len(AXES)], SPEEDS[number // len(AXES) % len(SPEEDS)]
     return BallState(0.0, np.array(VIEW_CENTRE), np.zeros(3), speed * RPM * np.array(axis) / np.linalg.norm(axis))

@@ -1,7 +1,7 @@
-"""The surfaces that a ball can touch, and its distance to each: table and net are boxes, the racket is a disc, the floor is a plane.
+"""Bodies that a ball can touch, and its distance to each: table and net are boxes, the racket is a disc, the floor is a plane.
 
-So face, edge, corner and rim are one rule: the ball touches where the distance from its centre to the nearest point of the body falls to
-its radius.
+The same rule holds for face, edge, corner and rim: the ball touches a body where the distance from the ball's centre to the nearest point
+of the body falls to the ball's radius.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NET_THICKNESS = 0.002  # m
 
 
 class Surface(TextEnum):
-    """What a ball can touch."""
+    """Bodies that a ball can touch."""
 
     TABLE = "table"
     NET = "net"
@@ -28,12 +28,17 @@ class Surface(TextEnum):
     RACKET = "racket"
 
 
-NONE, TABLE, NET, FLOOR, RACKET = range(5)  # the same for the kernels
+NONE, TABLE, NET, FLOOR, RACKET = range(5)  # numbers of the surfaces for compiled functions; NONE is no surface
 BY_NUMBER = {TABLE: Surface.TABLE, NET: Surface.NET, FLOOR: Surface.FLOOR, RACKET: Surface.RACKET}
 
 
 class Box(NamedTuple):
-    """A body with edges along the axes: its least and largest coordinates, (3,) m each."""
+    """A box with edges along the axes of `table`.
+
+    Attributes:
+        low: m, its least coordinates.
+        high: m, its largest coordinates.
+    """
 
     low: Vector
     high: Vector
@@ -47,10 +52,11 @@ _UP = Vector(0.0, 0.0, 1.0)
 
 
 class BallShape(NamedTuple):
-    """Sizes of ball and racket in contact.
+    """Sizes that decide when the ball touches a body.
 
-    contact_height: m, from the surface of table or racket to the centre of a ball that touches it.
-    racket_radius: m.
+    Attributes:
+        contact_height: m, from the surface of table or racket to the centre of a ball that touches it.
+        racket_radius: m, radius of the racket's disc.
     """
 
     contact_height: float
@@ -58,10 +64,10 @@ class BallShape(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """What is between a ball and a body.
+    """Distance between the ball and a body.
 
     Attributes:
-        distance: m, between their surfaces; negative when the ball is inside.
+        distance: m, between their surfaces; negative if the ball is inside the body.
         normal: Unit vector from the nearest point of the body to the centre of the ball.
     """
 
@@ -71,13 +77,13 @@ class Gap(NamedTuple):
 
 @njit(cache=True)
 def gap_to(surface: int, ball: Vector, racket: RacketInstant, shape: BallShape) -> Gap:
-    """Return the gap between a ball and a body.
+    """Compute the distance between the ball and a body.
 
     Args:
         surface: TABLE, NET, FLOOR or RACKET.
-        ball: m, its centre.
-        racket: At the same instant.
-        shape: Sizes.
+        ball: m, centre of the ball.
+        racket: The racket at the same time; used if it is the body.
+        shape: Sizes of ball and racket.
     """
     if surface == FLOOR:
         return Gap(ball.z - FLOOR_Z - BALL_RADIUS, _UP)
@@ -124,6 +130,11 @@ def _from_box(ball: Vector, box: Box) -> _Away:
 
 @njit(cache=True)
 def racket_point_velocity(arm: Vector, racket: RacketInstant) -> Vector:
-    """Return the velocity (m/s) of a point of the racket; arm: m, from the centre of its face to the point."""
+    """Return the velocity (m/s) of a point of the racket.
+
+    Args:
+        arm: m, from the centre of the racket's face to the point, in `table`.
+        racket: The racket.
+    """
     v, w = racket.velocity, racket.turning
     return Vector(v.x + w.y * arm.z - w.z * arm.y, v.y + w.z * arm.x - w.x * arm.z, v.z + w.x * arm.y - w.y * arm.x)

@@ -1,7 +1,8 @@
-"""The true ball between table, net, floor and racket. Contacts are found at their instant; the racket moves between two of its states.
+"""The true ball between table, net, floor and racket. The time of each contact is found exactly, with the racket in motion.
 
-The ball rebounds about the line to the nearest point of what it touches. The integration takes steps that cannot reach anything, and near a
-body small ones, in which the distance is searched for its root, or for its minimum when the ball only grazes.
+The ball rebounds about the line to the nearest point of the body that it touches. The integration takes steps in which the ball cannot
+reach any body. Near a body it takes small steps, in which the root of the distance is found, or its minimum if the ball only grazes the
+body.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from .racket_motion import RacketInstant, RacketMotion, RacketTrack, fastest_poi
 from .surfaces import BY_NUMBER, FLOOR, NET, NONE, RACKET, TABLE, BallShape, Gap, Surface, gap_to, racket_point_velocity
 from .vectors import Vector, dot, norm, plus
 
-NET_RESTITUTION = 0.1  # of the speed towards the net, an assumption: cord and cloth give little back
-NET_DRAG = 0.1  # share of the speed along the net and of the spin that it takes, an assumption
+NET_RESTITUTION = 0.1  # share of the speed towards the net that the ball keeps, an assumption: cord and cloth give little back
+NET_DRAG = 0.1  # share of the speed along the net and of the spin that the ball loses, an assumption
 LEAST_CONTACT = 1e-3  # m: a ball that is a point cannot touch a disc
 SMALL_STEP = 1e-3  # s, near a body: a ball moves less than its radius
-HALVINGS = 36  # of SMALL_STEP, to 1.5e-14 s
-LYING = 0.03  # m/s, a ball that meets the table more slowly does not bounce any more
-MOST_CONTACTS = 64  # of one call, after which a ball lies
+HALVINGS = 36  # number of times that SMALL_STEP is halved in the search for a contact, to 1.5e-14 s
+LYING = 0.03  # m/s: a ball that meets the table more slowly does not bounce any more
+MOST_CONTACTS = 64  # in one call; a ball with as many is taken as lying
 
 CONTACT_LOG = np.dtype(
     [
@@ -45,14 +46,19 @@ CONTACT_LOG = np.dtype(
 
 
 class Coefficients(NamedTuple):
-    """What the true world is like, as it is passed from Python."""
+    """Coefficients of the true world in the form in which Python passes them to compiled functions."""
 
     physics: Array  # (19,), `Physics.coefficients`
     racket_radius: float  # m
 
     @classmethod
     def of(cls, physics: Physics, racket_radius: float = RACKET_RADIUS) -> Coefficients:
-        """Take those of a physics."""
+        """Return the coefficients of a physics.
+
+        Args:
+            physics: Models of air, table and racket.
+            racket_radius: m.
+        """
         return cls(physics.coefficients, racket_radius)
 
 
@@ -72,12 +78,12 @@ class _Scratch(NamedTuple):
 
 
 class _Approach(NamedTuple):
-    """Ball and body at a trial time.
+    """Distance of ball and body at a trial time, and its rate of change.
 
     Attributes:
-        gap: Between them.
+        gap: Distance between them.
         rate: m/s, at which the distance grows.
-        racket: The racket then, if that is the body.
+        racket: The racket at this time, if it is the body.
         arm: m, from the centre of its face to its point nearest to the ball.
     """
 
@@ -93,14 +99,14 @@ _NOWHERE = RacketInstant(_ORIGIN, _ORIGIN, _ORIGIN, _ORIGIN)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contact:
-    """What the ball met.
+    """One contact of the ball with a body.
 
     Attributes:
-        surface: What it was.
-        before: The ball just before.
-        after: The ball just after, at the same time.
-        offset: m, from the centre of the racket's face to the point of contact; 0 for other surfaces.
-        edge: Whether it was the rim of the racket or an edge of table or net.
+        surface: The body.
+        before: The ball just before the contact.
+        after: The ball just after the contact, at the same time.
+        offset: m, from the centre of the racket's face to the point of contact; 0 for other bodies.
+        edge: Whether the ball touched the rim of the racket, or an edge of table or net.
     """
 
     surface: Surface
@@ -213,21 +219,22 @@ def _rebound(surface: int, ball: Array, approach: _Approach, physics: PhysicsCoe
 def travel(
     ball: Array, now: float, until: float, rackets: Array, tick: float, models: Coefficients, log: np.ndarray
 ) -> tuple[int, float, bool]:
-    """Fly a ball and let it rebound.
+    """Let a ball fly and rebound for some time.
 
-    Times are in s after the first instant of the racket.
+    Times are in s after the first state of the racket.
 
     Args:
-        ball: State (9,) at `now`; is changed in place.
-        now: Where the flight begins.
-        until: Where it ends, if nothing else ends it.
-        rackets: (n, 12), rows of RacketMotion.row, `tick` apart.
+        ball: (9,) position (m), velocity (m/s), spin (rad/s) at `now`; changed in place.
+        now: s, time at which the flight begins.
+        until: s, time at which it ends if nothing else ends it.
+        rackets: (n, 12) RacketMotion.row at times `tick` apart.
         tick: s.
-        models: The true world.
-        log: (m,) of CONTACT_LOG; is filled. A ball with more contacts lies.
+        models: Coefficients of the true world.
+        log: (m,) of CONTACT_LOG, filled with the contacts. A ball with m contacts is taken as lying.
 
     Returns:
-        The number of contacts, the time when the flight ended, and whether the ball is still in play: not on the floor, not lying.
+        The number of contacts, the time (s) when the flight ended, and whether the ball is still in play, i.e. neither on the floor nor
+        lying.
     """
     physics = physics_coefficients(models.physics)
     scene = _Scene(physics.air, RacketTrack(rackets, tick), BallShape(physics.contact_height, models.racket_radius))
@@ -273,7 +280,12 @@ def travel(
 
 
 def contacts_from(log: np.ndarray, start: float) -> list[Contact]:
-    """Return contacts from a log (n,) of CONTACT_LOG that `travel` has filled; start: s, of the first instant of the racket."""
+    """Return the contacts in a log that `travel` has filled.
+
+    Args:
+        log: (n,) of CONTACT_LOG.
+        start: s, time of the first state of the racket.
+    """
     rows = log.copy()
     rows.flags.writeable = False
     surfaces, times, offsets, edges = (rows[name].tolist() for name in ("surface", "time", "offset", "edge"))
@@ -290,21 +302,21 @@ def _ball(time: float, row: Array) -> BallState:
 
 
 class World:
-    """One ball at most, in flight or none. The truth: no node but the simulator may look.
+    """The true world of one ball. Only the simulator may use it, because nodes must not know the truth.
 
     Attributes:
-        ball: The ball now; None when there is none, or when it lies.
+        ball: The ball now; None if there is none, or if it lies on the floor or the table.
     """
 
     def __init__(self, physics: Physics, racket_radius: float = RACKET_RADIUS) -> None:
-        """Begin without a ball.
+        """Start without a ball.
 
         Args:
-            physics: Of the ball.
+            physics: True physics of the ball.
             racket_radius: m.
 
         Raises:
-            OutOfRange: The contact height is below LEAST_CONTACT.
+            OutOfRange: The contact height is outside LEAST_CONTACT to 0.1 m.
         """
         check_range("contact_height of the true world", physics.contact_height, LEAST_CONTACT, 0.1)
         self.ball: BallState | None = None
@@ -312,15 +324,15 @@ class World:
         self._log = np.empty(MOST_CONTACTS, dtype=CONTACT_LOG)
 
     def advance(self, until: float, rackets: Sequence[RacketMotion] | Array, tick: float) -> list[Contact]:
-        """Fly the ball; on the floor it is gone.
+        """Let the ball fly until a given time. A ball that comes to lie is removed.
 
         Args:
             until: s.
-            rackets: The racket every `tick` s, the last one at `until`; or its rows, (n, 12), see RacketMotion.row.
+            rackets: States of the racket every `tick` s, the last one at `until`; or their rows as an array (n, 12), see RacketMotion.row.
             tick: s.
 
         Returns:
-            What it met.
+            The contacts on the way.
         """
         if self.ball is None or until - self.ball.time <= 1e-12:
             return []
