@@ -22,7 +22,7 @@ from tt_core.ros.bags import TYPES, BagError
 
 RESERVE = 64 * 2**20  # bytes of the disk that stay free
 AHEAD = 16 * 2**20  # bytes that are allocated for the file in advance
-CHUNK = 5 * 2**20  # bytes of messages in one chunk; each takes 3.5 kB of memory until the end, and with 8 MB writing stalled
+CHUNK = 2**20  # bytes of messages in one chunk, which a crash loses; each takes 3.5 kB of memory until the end
 PER_MESSAGE, PER_CHUNK, PER_CHUNK_AND_TOPIC = 64, 256, 32  # upper bounds of the bytes in the file beside the data
 PER_BAG, PER_TOPIC, PER_PUBLISHER = 2**16, 4096, 4096  # upper bounds of the bytes in channels, index and metadata
 COMPRESSIONS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}

@@ -157,9 +157,9 @@ class Recording:
         if fits:
             self._queue.put(_Sample(topic, time, data))
 
-    def count_missed(self, topic: str, total: int) -> None:
-        """Note that the middleware has lost `total` messages of `topic` since the beginning."""
-        self._missed[topic] = total
+    def count_missed(self, topic: str, number: int) -> None:
+        """Note that `number` more messages of `topic` were lost before they arrived."""
+        self._missed[topic] = self._missed.get(topic, 0) + number
 
     def state(self) -> State:
         """Return the present state without waiting for the disk."""

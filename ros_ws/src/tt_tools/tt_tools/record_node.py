@@ -9,18 +9,19 @@ import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
+from rclpy.type_support import check_for_type_support
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from std_msgs.msg import String
 from tt_core.errors import TtError
@@ -40,9 +41,29 @@ from .packages import NotFound, interface
 from .qos import ALL
 from .record import QUEUE, Recording, State
 from .reindex import compress
+from .sequence_gaps import SequenceGaps
 
 POLL = 0.1  # s between two checks for new topics, which is the default of rosbag2, and between two checks of the disk
+TAKE = 0.005  # s between two looks for messages
 TELL = 1.0  # s between two status messages while messages are lost
+
+
+class _Topic(NamedTuple):
+    """A topic that is recorded.
+
+    It has a bare subscription, whose messages are taken by a timer, and no event for lost messages: with the executor, rmw_fastrtps 8.4 can
+    wait forever for itself when messages are lost. Its `take_event` locks the event and then the reader, and the thread that receives
+    locks both in the other order.
+
+    Attributes:
+        handle: The subscription.
+        message: Type of its messages.
+        gaps: Counts its lost messages.
+    """
+
+    handle: Any
+    message: type
+    gaps: SequenceGaps
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
@@ -129,7 +150,10 @@ class RecordNode(Node):
         self._told, self._when = State(None, 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
         self.failed = False
         self._status = Status(self)
-        self.create_timer(POLL, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._topics: dict[str, _Topic] = {}
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(POLL, self._look, clock=steady)
+        self.create_timer(TAKE, self._take, clock=steady)
         # the bag is made last, so that an error before it leaves no bag behind
         self._recording = Recording(
             Path(output),
@@ -190,30 +214,35 @@ class RecordNode(Node):
         except (NotFound, BagError) as error:
             self.get_logger().warning(f"{name} is left out: {error}")
             return
-        events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, name))
-        self.create_subscription(message, name, partial(self._on_message, name), compatible(ALL, offered), raw=True, event_callbacks=events)
+        check_for_type_support(message)
+        with self.handle:
+            handle = rclpy_implementation.Subscription(self.handle, message, name, compatible(ALL, offered).get_c_qos_profile())
+        publishers = lambda: frozenset(bytes(info.endpoint_gid) for info in self.get_publishers_info_by_topic(name))  # noqa: E731
+        self._topics[name] = _Topic(handle, message, SequenceGaps(publishers))
 
-    def _on_message(self, topic: str, data: bytes) -> None:
-        self._recording.add(topic, time.time_ns(), data)
-        if not self._described and topic.endswith("/robot_description"):
-            with suppress(RuntimeError):  # the message has another type
-                self._describe(deserialize_message(data, String).data)
-
-    def _on_lost(self, topic: str, event: Any) -> None:
-        self._recording.count_missed(topic, event.total_count)
-
-    def _take_rest(self) -> None:
-        """Record the messages that have arrived and were not handled yet."""
-        for subscription in self.subscriptions:
-            with subscription.handle:
+    def _take(self) -> None:
+        """Record the messages that have arrived since the last call, in the order of their arrival."""
+        batch = []
+        for name, topic in self._topics.items():
+            with topic.handle:
                 for _ in range(ALL.depth):
-                    if not (taken := subscription.handle.take_message(subscription.msg_type, subscription.raw)):
+                    if not (taken := topic.handle.take_message(topic.message, True)):
                         break
-                    self._on_message(subscription.topic_name, taken[0])
+                    data, info = taken
+                    batch.append((info["received_timestamp"] or time.time_ns(), name, data))
+                    if missing := topic.gaps.add(info["publication_sequence_number"]):
+                        self._recording.count_missed(name, missing)
+        for received, name, data in sorted(batch, key=itemgetter(0)):
+            self._recording.add(name, received, data)
+            if not self._described and name.endswith("/robot_description"):
+                with suppress(RuntimeError):  # the message has another type
+                    self._describe(deserialize_message(data, String).data)
 
     def close(self) -> None:
         """Record the messages that still wait, close the bag, and print its summary."""
-        self._take_rest()
+        self._take()
+        for topic in self._topics.values():
+            topic.handle.destroy_when_not_in_use()
         try:
             summary = self._recording.close()
         except BagError as error:
