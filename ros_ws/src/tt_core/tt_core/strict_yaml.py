@@ -30,9 +30,9 @@ def find(name: str, folder: Path, beside: Path = Path()) -> Path:
     """Return the path of a file that is given by its name or its path.
 
     Args:
-        name: Name of a YAML file in `folder`, without suffix, or the path of another one.
-        folder: Folder of the files that are found by name.
-        beside: Folder that a path may be relative to, besides the working directory.
+        name: Name of a YAML file in `folder`, without suffix, or the path of a file. A name is tried first.
+        folder: Folder of the files that have names.
+        beside: Folder to which a path may be relative, if the working directory has no such file.
 
     Raises:
         BadFile: There is no such file.

@@ -95,12 +95,12 @@ def _cell(value: float, digits: int = 1) -> str:
 
 
 def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str = "") -> list[str]:
-    """Return a column of the table of returns: the cells for the rows RETURNS.
+    """Return one column of the table that tells how well balls were returned, with a cell for each of its rows, RETURNS.
 
     Args:
-        numbers: Values of all balls, by column of NUMBERS.
+        numbers: (balls,) values of each figure of the sweep, by its name.
         misses: Kind of failure for each ball; None for a return.
-        who: "" for the truth, "judged_" for what the wide cameras show.
+        who: Prefix of the names of the figures: "" for what was true, "judged_" for what two simulated wide cameras measured.
     """
     asked = np.isfinite(numbers["asked_x"]).any()  # a sweep of the measurement alone asks for no return
     shares = [100.0 * float(numbers[f"{who}{name}"].mean()) if asked else float("nan") for name in ("hit", "landed")]

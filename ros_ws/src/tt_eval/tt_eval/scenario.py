@@ -163,7 +163,7 @@ class Scenario:
 
     @property
     def is_played_whole(self) -> bool:
-        """Whether a ball depends on those before it in its session, because one arm returns them all or the robot learns from each."""
+        """Whether balls must be played together, in order: with a launch rate or with learning a ball depends on earlier ones."""
         return bool(self.launcher.rate or (self.robot.learning and self.balls > 1))
 
     def shot(self, seed: int) -> tuple[str, int]:

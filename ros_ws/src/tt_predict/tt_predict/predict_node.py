@@ -128,11 +128,11 @@ class PredictNode(Node):
         self.status.terminal.info(PredictLine.PATH, bounces=len(path.bounces), seconds=path.end.time - ball.time, **place)
 
     def at_end(self, ball: BallState) -> dict[str, Any]:
-        """Return the uncertainty at the end of the path as texts for /diagnostics.
+        """Return how uncertain the end of the ball's predicted path is, as texts for /diagnostics.
 
-        They are the standard deviations of time (ms), y and z (mm), and the covariance (10, 10) of time s, position m, velocity m/s and
-        spin rad/s as JSON. If the covariance is invalid, there is the one text `uncertainty` with the error. The result is empty if the
-        ball has no covariance, or if less than UNCERTAIN seconds have passed since the last state for which it was computed.
+        These are the standard deviations of the time (ms) and of y and z (mm), and, as JSON, the covariance (10, 10) of the time (s), the
+        position (m), the velocity (m/s) and the spin (rad/s). If the covariance is invalid, the only text is the error. There are no texts
+        if the ball has no covariance, or if its time is less than UNCERTAIN (s) after the last ball for which they were computed.
         """
         if ball.covariance is None or 0.0 <= ball.time - self.at_end_predicted < UNCERTAIN:
             return {}

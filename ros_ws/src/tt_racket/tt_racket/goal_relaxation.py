@@ -122,8 +122,8 @@ class Return(NamedTuple):
     Attributes:
         ball: Ball just before the hit.
         goal: Goal for which the stroke was solved.
-        stroke: The stroke, or the reason why there is none.
-        relaxation: Difference between `goal` and the asked goal.
+        stroke: The stroke; its `reason` tells why there is none.
+        relaxation: Difference between `goal` and the goal that was asked for; AS_ASKED if there is none.
     """
 
     ball: BallState

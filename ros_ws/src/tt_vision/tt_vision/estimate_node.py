@@ -83,7 +83,7 @@ class EstimateParams:
 
     @property
     def search(self) -> SearchParams:
-        """The parameters of the search for the spin that these parameters select."""
+        """Parameters of the spin search, with the values that are set here."""
         return dataclasses.replace(SearchParams.fast() if self.fast else SearchParams(), max_spin=self.max_spin)
 
 

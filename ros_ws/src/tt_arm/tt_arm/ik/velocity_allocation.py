@@ -354,10 +354,9 @@ def _least_shares_steady(rows: Array, n: int, wanted: Array, shares: Array) -> f
 
 @njit(cache=True)
 def least_shares_steady(rows: Array, wanted: Array, shares: Array) -> float:
-    """Compute joint speeds that give the racket a velocity and its face normal two turning rates, with the least possible maximum share.
+    """Compute joint speeds with which the racket has a velocity and its face turns at two given rates.
 
-    A share is a joint speed over its limit. Gaussian elimination with full pivoting leaves n - 5 free shares y: x_i = b_i + f_i . y for
-    each joint i, with `base` b and `free` f; see `_least_maximum`.
+    A share is the speed of a joint divided by its limit. Of all joint speeds that do so, those with the least maximum share are taken.
 
     Args:
         rows: (5, n) matrix of `steady_rows` for shares.

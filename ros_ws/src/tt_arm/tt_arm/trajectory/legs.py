@@ -114,7 +114,17 @@ def leg_is_possible(time: float, leg: Leg, limits: JointBounds, kind: int) -> bo
 
 @njit(cache=True, nogil=True)
 def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> float:
-    """Return the shortest duration (s) of a leg, at least `time`, that keeps the limits in all joints; inf if it exceeds LONGEST_LEG."""
+    """Return the shortest duration (s) in which all joints can make a leg, the motion from one state to another, within their limits.
+
+    Args:
+        time: s, shortest duration that is wanted.
+        leg: States of the joints at both ends.
+        limits: Limits of the joints.
+        kind: Profile, AUTO, QUINTIC, TRAPEZOID or POLYLINE.
+
+    Returns:
+        The duration, at least `time`; inf if it exceeds LONGEST_LEG.
+    """
     time = max(time, SHORTEST_LEG)
     for i in range(len(leg)):
         ends, bounds = _ends(leg, i), _bounds(limits, i)

@@ -33,7 +33,7 @@ _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
 
 class LensReason(Enum):
-    """Why a lens is refused."""
+    """Why the distortion of a lens cannot be corrected."""
 
     CANNOT_UNDISTORT = "distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels"
 

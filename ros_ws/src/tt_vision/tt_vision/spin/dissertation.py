@@ -75,9 +75,9 @@ class SquareImages(NamedTuple):
     """The pixels inside the square that is inscribed in the ball, in each frame of one camera.
 
     Attributes:
-        arms: (k, n, 3) m, vector in the camera's frame from the ball's centre to its surface in each pixel. If a frame has fewer than n
-            pixels, the rest is NaN.
-        greys: (k, n) grey level of each pixel.
+        arms: (frames, n, 3) m, vector in the camera's frame from the ball's centre to its surface in each pixel. n is the largest number of
+            pixels of a frame; the rest of a frame with fewer pixels is NaN.
+        greys: (frames, n) grey level of each pixel; 0 where `arms` is NaN.
     """
 
     arms: np.ndarray
