@@ -451,7 +451,7 @@ arm.control.take(printed(0.5)[:1])
 arm.run(0.7)
 arm.control.take([*printed(1.3), *printed(0.75)])
 arm.run(2.0)
-run_state_machine_as_test(FaultyArm, settings=settings(max_examples=20, stateful_step_count=20, derandomize=True, deadline=None))
+run_state_machine_as_test(FaultyArm, settings=settings(max_examples=10, stateful_step_count=20, derandomize=True, deadline=None))
 print(sorted(kernels() - before))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])

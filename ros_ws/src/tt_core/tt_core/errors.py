@@ -108,7 +108,7 @@ class MessageFailure(Enum):
     NOT_SYMMETRIC = "{name} is not symmetric: its halves differ by {difference:g}"
     NEGATIVE_EIGENVALUE = "{name} is not positive semidefinite: it has the eigenvalue {eigenvalue:g}"
     # paths, goals and strokes
-    OTHER_JOINT = "joint [{wanted}] expected, got {joints}"
+    OTHER_JOINT = "1 joint, {wanted}, expected, got {count}: {joints}"
     INCOMPLETE_POINT = "each point must hold one transform and one velocity"
     NO_ROTATION = "quaternion of length 1 expected, got {quaternion}"
     # joint states

@@ -181,7 +181,8 @@ def _point(
 def _check(message: MultiDOFJointTrajectory, joint: str, least: int, most: int) -> float:
     """Return the stamp (s) of a trajectory that has the form which its topic promises; raises TtError for another one."""
     if len(message.joint_names) != 1 or message.joint_names[0] != joint:
-        raise BadMessage(MessageFailure.OTHER_JOINT, wanted=joint, joints=[name[:40] for name in message.joint_names[:4]])
+        names = [name[:40] for name in message.joint_names[:4]]
+        raise BadMessage(MessageFailure.OTHER_JOINT, wanted=joint, count=len(message.joint_names), joints=names)
     check_range(f"number of points of [{joint}]", len(message.points), least, most)
     if any(len(p.transforms) != 1 or len(p.velocities) != 1 for p in message.points):
         raise BadMessage(MessageFailure.INCOMPLETE_POINT)
