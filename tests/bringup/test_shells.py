@@ -79,13 +79,13 @@ def test_the_commands_of_the_readme_run(project, clean, shell):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
-def test_the_launch_lines_of_the_readme_are_taken(project, clean, shell):
-    """With -p, which prints what would be started."""
+def test_launch_lines_of_the_readme_are_taken(project, clean, shell):
+    """Every third one, with -p, which prints what would be started; test_readme.py reads them all."""
     for name in GIVEN:
         (project / name).touch()
-    lines = [line.replace("ros2 launch ", "ros2 launch -p ", 1) for line in LAUNCHES]
+    lines = [line.replace("ros2 launch ", "ros2 launch -p ", 1) for line in LAUNCHES[::3]]
     text = run(shell, "\n".join(["source ./scripts/env", "set -e", *lines]), project, clean)
-    assert len(lines) > 10 and text.count("estimate_node") >= len(lines) - 2  # a machine without vision has none
+    assert len(lines) >= 5 and text.count("estimate_node") >= len(lines) - 2  # a machine without vision has none
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])

@@ -303,7 +303,7 @@ def test_the_command_plays_when_nobody_listens(start, probe, until, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("after", [0.2, 0.5, 0.8, 1.1, 1.5, 2.0])
+@pytest.mark.parametrize("after", [0.2, 0.8, 1.5])
 def test_a_player_ends_at_once(ros, tmp_path, number, after):
     """Whatever it does: load, look for listeners or play."""
     bag = FORMS["mcap file zstd"](tmp_path, points(10_000))
