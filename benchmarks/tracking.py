@@ -86,12 +86,18 @@ def recorded(folder):
     return errors
 
 
-def simulated(seed, announced, fault):
-    """Return rows of one ball: s after the bounce, NEES per dimension, s that a state took, error (9,) of the state, sigmas (9,)."""
+def flown(seed):
+    """Return random numbers, world, ball at the launch, and its true path with coefficients of its own."""
     rng, world = np.random.default_rng(seed), load_world("real")
     ball_physics = world.domain_randomization.draw(world.of_session(seed).physics, rng)
     ball, _ = launch("mixed", int(rng.integers(3, 6)), LauncherParams(), rng)
     path = rollout(ball, ball_physics, StopRule.at_x(-0.4))
+    return rng, world, ball, path
+
+
+def simulated(seed, announced, fault):
+    """Return rows of one ball: s after the bounce, NEES per dimension, s that a state took, error (9,) of the state, sigmas (9,)."""
+    rng, world, ball, path = flown(seed)
     tracker, cameras, rows = Tracker(world.physics, wide_pair()), wide_pair(), []
     if announced:
         seen = ball.vector + MEASURED * rng.normal(size=9)
@@ -162,9 +168,7 @@ class FlightFilter:
 
 def compared(seed):
     """Return rows of one ball: s after the bounce, errors in m, 0.1 s ahead, of the tracker and of the filter; and its NIS values."""
-    rng, world = np.random.default_rng(seed), load_world("real")
-    ball, _ = launch("mixed", int(rng.integers(3, 6)), LauncherParams(), rng)
-    path = rollout(ball, world.domain_randomization.draw(world.of_session(seed).physics, rng), StopRule.at_x(-0.4))
+    rng, world, ball, path = flown(seed)
     cameras, rows, nis = wide_pair(), [], []
     seen = BallState.from_vector(0.0, ball.vector + MEASURED * rng.normal(size=9), np.diag(MEASURED**2))
     tracker, flight = Tracker(world.physics, cameras), FlightFilter(seen, world.physics.air)

@@ -67,7 +67,7 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
         raise StartupError(StartupFailure.WAITING_TOO_NEAR, **values)
     start, tried = Joints.at_rest(0.0, model.waiting), strokes()
     reasons = [plan(model, start, reach(model, racket, model.waiting), TIME, limits).reason for racket in tried]
-    made = reasons.count(None)
+    made = sum(reason is None for reason in reasons)
     if made < NEEDED * len(tried):
         x, y, z = model.base.translation
         reached = model.atlas.faces[:3].T - model.base.translation

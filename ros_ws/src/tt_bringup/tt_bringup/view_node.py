@@ -34,13 +34,13 @@ from tt_core.ros.diagnostics import Event, Status, read_status
 from tt_core.ros.inputs import Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
-from tt_core.ros.qos import LATCHED, NEWEST, RELIABLE, SENSOR
+from tt_core.ros.qos import LATCHED, NEWEST, SENSOR
 
 from .view.actions import Action, Enable, Launch, Pause, SetGoal, SetRate, Step, Stop
 from .view.gate import Gate, is_loopback
 from .view.page import Page
 from .view.readings import Health, Readings
-from .view.scene_inputs import LARGEST_DIAGNOSTICS, SceneInputs
+from .view.scene_inputs import SceneInputs
 
 NICE = 10  # priority of the process: the robot comes first
 SIDES = ("left", "right")
@@ -85,7 +85,7 @@ class ViewNode(Node):
             self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self.gate.open(self.server.get_port())
         self.page, self.updates = Page(self.server), 0
-        self.inputs = SceneInputs(self, physics, self.status, 1.0 / params.rate)
+        self.inputs = SceneInputs(self, physics, self.status, 1.0 / params.rate, self.on_diagnostics)
         self.subscribe(0.5 / params.rate)
         self.goals = self.create_publisher(MultiDOFJointTrajectory, "return/goal", LATCHED)
         self.launcher, self.setter = self.create_client(Trigger, "launcher/launch"), self.create_client(SetParameters, "sim/set_parameters")
@@ -96,14 +96,13 @@ class ViewNode(Node):
         self.get_logger().info(f"http://{host}:{self.gate.port}/" + (f"?token={token}" if token else ""))
 
     def subscribe(self, interval: float) -> None:
-        """Subscribe to the true ball of a simulator, and to what the panels show: diagnostics and camera images.
+        """Subscribe to the true ball of a simulator and to the camera images.
 
         Args:
             interval: Shortest time between two true balls that are read, s.
         """
         refused = self.inputs.refused
         Input(self, Odometry, "sim/ball", self.on_true_ball, SENSOR, largest=LARGEST_STATE, refused=refused, interval=interval)
-        Input(self, DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE, largest=LARGEST_DIAGNOSTICS, refused=refused)
         for side in SIDES:
             on_image = lambda message, side=side: self.on_image(side, message)  # noqa: E731
             topic = f"camera/{side}/image_raw"

@@ -49,7 +49,15 @@ class Stroke:
 
 
 def _failure(obstacle: int, missing: float, share: float, ball: BallState, goal: ReturnGoal) -> Failure:
-    """Return the failure, with its numbers, for an obstacle (constant of `solution`) that a kernel returned."""
+    """Return why there is no stroke, with the numbers that explain it.
+
+    Args:
+        obstacle: What a kernel returned, one of the constants of `solution`.
+        missing: As in `Stroke`.
+        share: As in `Stroke`.
+        ball: The ball just before the hit.
+        goal: The goal of the return.
+    """
     if obstacle == solution.LANDING_ASIDE:
         x, y = goal.landing.tolist()
         return Failure(StrokeFailure.LANDING_ASIDE, x=x, y=y, beside=missing)

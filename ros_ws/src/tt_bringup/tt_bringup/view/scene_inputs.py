@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -44,7 +45,14 @@ class SceneInputs:
         refused: Called with the error of each message that cannot be used.
     """
 
-    def __init__(self, node: Node, physics: Physics, status: Status, interval: float) -> None:
+    def __init__(
+        self,
+        node: Node,
+        physics: Physics,
+        status: Status,
+        interval: float,
+        also: Callable[[DiagnosticArray], None] = lambda _: None,
+    ) -> None:
         """Subscribe to the topics. Until a robot_description arrives, the arm is the PA10.
 
         Args:
@@ -52,8 +60,9 @@ class SceneInputs:
             physics: Models of flight and rebounds with which the paths are predicted.
             status: Diagnostics of the node, on which refused messages are reported.
             interval: Shortest time between two joint states that are read, s.
+            also: Called with each message on /diagnostics, too.
         """
-        self._node, self._urdf = node, ArmModel.pa10().placed_description
+        self._node, self._urdf, self._also = node, ArmModel.pa10().placed_description, also
         self.scene = Scene(RobotShapes(self._urdf), physics)
         self.refused = Refusals(status, "message")
         warm(physics)
@@ -124,6 +133,7 @@ class SceneInputs:
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:
         """Show where a ball landed, which a simulator reports when the ball is over."""
+        self._also(message)
         for status in read_status(message):
             if status.event is Event.BALL_OVER and (place := landing_place(status.values)) is not None:
                 self.scene.take_landing(place, self.now())
