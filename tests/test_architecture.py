@@ -87,12 +87,6 @@ def test_a_node_has_an_executable(path):
     assert any(f'start("{package}.{path.stem}")' in script.read_text() for script in (SRC / package / "scripts").iterdir())
 
 
-@pytest.mark.parametrize("path", sorted(SRC.glob("tt_*/scripts/*")), ids=relative)
-def test_an_executable_runs_nothing_when_it_is_imported(path):
-    """Worker processes import it (multiprocessing, "spawn")."""
-    assert 'if __name__ == "__main__":\n    start(' in path.read_text()
-
-
 @pytest.mark.parametrize("path", [*FILES, *SRC.glob("tt_*/launch/*.yaml")], ids=relative)
 def test_every_file_says_what_it_is(path):
     text = path.read_text()

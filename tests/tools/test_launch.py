@@ -144,9 +144,10 @@ def test_our_nodes_exist(path):
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
 def test_our_executables_start_a_module_with_interrupts_blocked(script):
-    shebang, *_, last = script.read_text().splitlines()
+    shebang, *_, guard, last = script.read_text().splitlines()
     assert shebang == "#!/usr/bin/env -S --block-signal=INT python3" and os.access(script, os.X_OK)
-    module = re.fullmatch(r'start\("(\w+)\.([\w.]+)"\)', last)
+    assert guard == 'if __name__ == "__main__":'  # worker processes import the executable (multiprocessing, "spawn")
+    module = re.fullmatch(r' {4}start\("(\w+)\.([\w.]+)"\)', last)
     assert module and "def main(" in (SOURCES / module[1] / module[1] / f"{module[2].replace('.', '/')}.py").read_text()
 
 
