@@ -17,9 +17,10 @@ PHYSICS = Physics.measured()
 def test_models_are_the_same_after_text(logarithms):
     physics = scaled(PHYSICS, logarithms)
     text = physics_to_text(physics, "measured")
+    content = yaml.safe_load(text)
     for node in NODES:
         assert physics_from_text(text, node, Physics.liu()) == physics
-        assert yaml.safe_load(text)[f"/**/{node}"]["ros__parameters"]["physics"] == "measured"
+        assert content[f"/**/{node}"]["ros__parameters"]["physics"] == "measured"
 
 
 def test_what_a_text_does_not_name_stays():

@@ -18,7 +18,7 @@ from tt_arm.joints import Joints
 from tt_core.errors import TtError
 from tt_core.factors import FACTORS
 from tt_core.failures import Failure
-from tt_core.learnt_physics import physics_to_text
+from tt_core.learnt_physics import LISTENERS, physics_to_text
 from tt_core.params import check, param
 from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, joints_from_message
@@ -200,11 +200,11 @@ class LearnNode(Node):
         lesson, self.lesson = self.lesson, None
         if lesson is None or not lesson.finish():
             return
-        text = physics_to_text(self.learner.physics, self.base)
-        self.learnt.publish(String(data=text))
+        physics = self.learner.physics
+        self.learnt.publish(String(data=physics_to_text(physics, self.base, LISTENERS)))
         if self.params.save:
             try:
-                Path(self.params.save).write_text(text)
+                Path(self.params.save).write_text(physics_to_text(physics, self.base))
             except OSError as error:
                 failure = Failure(LearnFailure.NOT_SAVED, error=error)
                 self.status.publish(str(failure), warn=True, reason=failure)

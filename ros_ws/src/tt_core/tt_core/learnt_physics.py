@@ -13,7 +13,8 @@ import yaml
 from .errors import BadChoice, NotFinite, TtError
 from .physics import Physics
 
-NODES = ("estimate", "track", "predict", "racket", "learn", "markers", "view")  # that use the models; not `sim`, whose models are the truth
+LISTENERS = ("track", "predict", "racket")  # nodes that take coefficients from the topic `physics` while they run
+NODES = ("estimate", *LISTENERS, "learn", "markers", "view")  # nodes that use the models; not `sim`, whose models are the truth
 PARTS = ("air", "table", "racket")
 MOST_CHARACTERS = 20_000  # of a text; one has 6,000
 
