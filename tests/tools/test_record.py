@@ -20,7 +20,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from tt_core.failures import Failure
 from tt_core.ros.bags import TYPES, Bag, BagError
 from tt_tools import record
-from tt_tools.bagfile import SplitRule
+from tt_tools.bagfile import CHUNK, CHUNK_SHARE, BagFile, SplitRule
 from tt_tools.describe import describe, lines
 from tt_tools.record import DiskFailure, Recording
 from tt_tools.reindex import compress, reindex
@@ -101,6 +101,22 @@ def test_an_existing_directory_and_an_unknown_type_are_refused(bag, tmp_path):
     with refused(BagError, "/a", "my_msgs/msg/Own"):
         recording.add_topic("/a", "my_msgs/msg/Own", [])
     recording.close()
+
+
+def test_chunks_grow_with_the_file(tmp_path):
+    """A crash loses one chunk, and each chunk takes memory until the end."""
+    size, count = 2**18, 320  # bytes of a message: 80 MB
+    bag = BagFile(tmp_path / "bag", reserve=0)
+    bag.add_topic("/point", "geometry_msgs/msg/Point", [])
+    for i in range(count):
+        bag.make_room(size, START + i * PERIOD)
+        bag.write("/point", START + i * PERIOD, bytes(size))
+    bag.close()
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    for chunk in chunks:
+        assert chunk.uncompressed_size <= max(CHUNK, CHUNK_SHARE * chunk.chunk_start_offset) + size + 2**12, chunk
+    assert chunks[0].uncompressed_size < 2 * CHUNK < 2.4 * CHUNK < chunks[-2].uncompressed_size
 
 
 @pytest.mark.parametrize("part", [0.4, 0.7, 0.99])

@@ -22,7 +22,8 @@ from tt_core.ros.bags import TYPES, BagError
 
 RESERVE = 64 * 2**20  # bytes of the disk that stay free
 AHEAD = 16 * 2**20  # bytes that are allocated for the file in advance
-CHUNK = 2**20  # bytes of messages in one chunk, which a crash loses; each takes 3.5 kB of memory until the end
+# A crash loses the chunk that is not full yet; each chunk takes 3.5 kB of memory until the end. So chunks grow with the file.
+CHUNK, LARGEST_CHUNK, CHUNK_SHARE = 2**20, 6 * 2**20, 1 / 32  # bytes of messages in a chunk: least, most, and as a share of the file
 PER_MESSAGE, PER_CHUNK, PER_CHUNK_AND_TOPIC = 64, 256, 32  # upper bounds of the bytes in the file beside the data
 PER_BAG, PER_TOPIC, PER_PUBLISHER = 2**16, 4096, 4096  # upper bounds of the bytes in channels, index and metadata
 COMPRESSIONS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
@@ -200,7 +201,7 @@ class BagFile:
             file.close()
             path.unlink()
             raise
-        writer = Writer(file, chunk_size=CHUNK, compression=COMPRESSIONS[self._compression])
+        writer = Writer(file, chunk_size=2 * LARGEST_CHUNK, compression=COMPRESSIONS[self._compression])
         writer.start(profile="ros2")
         if self._parts:
             self._finish(self._part)
@@ -285,10 +286,11 @@ class BagFile:
         Raises:
             OSError: The disk failed. The bag is then broken.
         """
-        part, before = self._part, self._part.file.position
+        part = self._part
         part.writer.add_message(part.channels[topic], time, data, time)
         part.pending += len(data) + PER_MESSAGE
-        if part.file.position > before:
+        if part.pending > min(max(CHUNK, CHUNK_SHARE * part.file.position), LARGEST_CHUNK):
+            part.writer.flush()
             part.pending, part.chunks = 0, part.chunks + 1
         part.counts[topic] += 1
         part.first, part.last = min(part.first or time, time), max(part.last, time)

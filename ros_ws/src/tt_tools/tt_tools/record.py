@@ -74,8 +74,8 @@ class Recording:
     """A new bag to which messages are recorded.
 
     `add` never waits for the disk: it puts messages into a queue, which a writer thread empties. A message that does not fit into the queue
-    or on the disk is dropped and counted. Recording goes on when there is room again. Chunks of 1 MB are written to the file as they fill,
-    so that a crash loses no more than the last one.
+    or on the disk is dropped and counted. Recording goes on when there is room again. Messages are written to the file in chunks: of 1 MB
+    at first, later of a thirty-second of the file, at most of 6 MB. A crash loses no more than the last chunk.
     """
 
     def __init__(
