@@ -31,7 +31,6 @@ class Bench:
         from sensor_msgs.msg import JointState
         from std_msgs.msg import Float64MultiArray
         from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
-        from tt_core.ros.diagnostics import read_status
         from tt_core.ros.qos import LATEST, RELIABLE
         from tt_sim.world.plant import Plant
 
@@ -43,7 +42,16 @@ class Bench:
         self.strokes = probe.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
         probe.create_subscription(JointTrajectory, "/arm/swing", self.swings.append, RELIABLE)
-        probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: self.statuses.extend(read_status(m)), RELIABLE)
+        self.errors = set()  # codes of the statuses that are errors
+        probe.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
+
+    def on_diagnostics(self, message):
+        from diagnostic_msgs.msg import DiagnosticStatus
+        from tt_core.ros.diagnostics import read_status
+
+        self.statuses.extend(read_status(message))
+        errors = [status for status in message.status if status.level == DiagnosticStatus.ERROR]
+        self.errors |= {value.value for status in errors for value in status.values if value.key == "code"}
 
     def on_command(self, message):
         self.commands += 1
@@ -210,6 +218,7 @@ def test_harmless_faults_of_joint_states_stop_the_arm_and_it_goes_on_by_itself(b
         bench.fault = None
         bench.statuses.clear()
         bench.moves()
+    assert not bench.errors
 
 
 def test_silence_and_second_publishers_stop_the_arm_and_it_goes_on_by_itself(probe, until, bench, homeward):
@@ -282,7 +291,7 @@ def test_damage_latches_until_a_person_enables(probe, until, bench, homeward, fa
     bench.rest(code)
     bench.fault = None
     bench.run(0.5)
-    assert np.all(bench.command == 0.0)
+    assert np.all(bench.command == 0.0) and bench.errors == {code.name}
     bench.statuses.clear()
     assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
     bench.moves()
@@ -298,6 +307,7 @@ def test_a_crash_of_its_own_code_brakes_and_latches(start, probe, until, bench, 
     bench.run(0.1)
     assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success
     bench.rest(ArmStop.INTERNAL)
+    assert bench.errors == {ArmStop.INTERNAL.name}
     bench.run(0.1)
     assert np.all(bench.command == 0.0)
 

@@ -94,9 +94,11 @@ def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, un
         "regex:=ball",
         "exclude_topics:=[/ball_b]",
         "compression:=zstd",
+        f"layout:={tmp_path / 'layout.json'}",
     ]
+    (tmp_path / "layout.json").write_text('{"tabs": "ä"}')
     recorder = start("tt_tools.record_node", "--ros-args", *(word for option in options for word in ("-p", option)))
-    names = ("parameters/probe.yaml", "revision.txt", "robot_arm_urdf.urdf")
+    names = ("parameters/probe.yaml", "revision.txt", "robot_arm_urdf.urdf", "layout.json")
     until(lambda: outputs[0].get_subscription_count() and outputs[2].get_subscription_count(), probe)
     until(lambda: all(name.encode() in (bag / "bag.mcap").read_bytes() for name in names) or outputs[0].publish(Point()), probe)
     recorder.send_signal(signal.SIGINT)
@@ -107,7 +109,7 @@ def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, un
     with (bag / "bag.mcap").open("rb") as stream:
         texts = {attachment.name: attachment.data.decode() for attachment in make_reader(stream).iter_attachments()}
     assert yaml.safe_load(texts["parameters/probe.yaml"])["/probe"]["ros__parameters"]["speed"] == {"scale": 0.5}
-    assert texts["robot_arm_urdf.urdf"] == "<robot/>" and texts["revision.txt"].strip()
+    assert texts["robot_arm_urdf.urdf"] == "<robot/>" and texts["revision.txt"].strip() and texts["layout.json"] == '{"tabs": "ä"}'
     assert (bag / "bag.mcap").read_bytes().count(b"zstd") > 1
 
 
@@ -115,6 +117,13 @@ def test_an_existing_directory_is_refused(start, tmp_path):
     recorder = start("tt_tools.record_node", "--ros-args", "-p", f"output:={tmp_path}")
     assert recorder.wait(timeout=120) == 2
     check_named(recorder.stderr.read(), tmp_path)
+
+
+def test_a_layout_that_cannot_be_read_is_refused_before_there_is_a_bag(start, tmp_path):
+    recorder = start("tt_tools.record_node", "--ros-args", "-p", f"layout:={tmp_path / 'none.json'}", "-p", f"output:={tmp_path / 'bag'}")
+    assert recorder.wait(timeout=120) == 2
+    check_named(recorder.stderr.read(), tmp_path / "none.json")
+    assert not (tmp_path / "bag").exists()
 
 
 def test_a_killed_recorder_leaves_what_can_be_saved(start, probe, until, tmp_path):

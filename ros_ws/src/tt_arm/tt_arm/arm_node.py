@@ -357,7 +357,8 @@ class ArmNode(Node):
         code, now = code_name(reason), time.monotonic()
         if code != self.reported and now > self.reported_at + TELL:
             self.reported, self.reported_at = code, now
-            self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=code)
+            text, latched = f"guard: {reason or 'nothing to cut'}", self.control.guard.latched is not None
+            self.status.publish(text, warn=reason is not None, error=latched, reason=reason, code=code)
             if reason is None:
                 self.status.terminal.info(ArmLine.FREE)
             else:

@@ -91,6 +91,14 @@ def free_name(output: str) -> str:
     return next(name for name in names if not Path(name).exists())
 
 
+def read_layout(file: str) -> str:
+    """Return the text of a layout file. Raises TtError if it cannot be read."""
+    try:
+        return Path(file).read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TtError(f"layout {file} cannot be read: {error}") from error
+
+
 @dataclass(frozen=True)
 class RecordParams:
     """Parameters of the recorder: which topics it records, to which bag, and how it uses the disk."""
@@ -106,6 +114,7 @@ class RecordParams:
     split_bytes: int = param(0, "bytes", "size at which the next file of the bag begins; 0: one file", low=0, high=2**50)
     split_seconds: float = param(0.0, "s", "time after which the next file of the bag begins; 0: one file", low=0.0, high=1e9)
     attach: bool = param(True, "", "whether the bag gets the parameters of all nodes, the description of the arm and the revision")
+    layout: str = param("", "", "file with the layout of a viewer, which the bag gets as an attachment of the same name; empty: none")
     queue_bytes: int = param(QUEUE, "bytes", "most that waits for the disk; what is beyond is dropped and counted", low=2**20, high=2**40)
     reserve_bytes: int = param(RESERVE, "bytes", "what stays free on the disk", low=0, high=2**40)
 
@@ -151,6 +160,7 @@ class RecordNode(Node):
         self.failed = False
         self._status = Status(self)
         self._topics: dict[str, _Topic] = {}
+        layout = read_layout(params.layout) if params.layout else None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(POLL, self._look, clock=steady)
         self.create_timer(TAKE, self._take, clock=steady)
@@ -166,6 +176,8 @@ class RecordNode(Node):
         self._described = not params.attach  # whether the description of the arm is in the bag already, or is not wanted
         if params.attach:
             self._recording.attach("revision.txt", "text/plain", revision() + "\n")
+        if layout is not None:
+            self._recording.attach(Path(params.layout).name, "application/json", layout)
         print(f"recording to {output}", flush=True)
 
     def _look(self) -> None:
@@ -203,8 +215,8 @@ class RecordNode(Node):
             self.get_logger().warning(f"recording again; dropped so far: {sum(state.dropped.values())} messages")
         counts: dict[str, Any] = {"free_bytes": state.free, "queued_bytes": state.queued}
         losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
-        text, is_wrong = str(state.trouble or "recording"), state.trouble is not None or losing
-        self._status.publish(text, warn=is_wrong, reason=state.trouble, code=code_name(state.trouble), **counts, **losses)
+        text, failed = str(state.trouble or "recording"), state.trouble is not None
+        self._status.publish(text, warn=losing, error=failed, reason=state.trouble, code=code_name(state.trouble), **counts, **losses)
         self._told, self._when = state, time.monotonic()
 
     def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:

@@ -153,7 +153,7 @@ class CameraNode(Node):
             self.status.publish("end of the source", images=count)
             self.status.terminal.info(CameraLine.END, count=count, **source)
         except TtError as error:
-            self.status.publish(f"stopped: {error}", warn=True, reason=error.failure)
+            self.status.publish(f"stopped: {error}", error=True, reason=error.failure)
             self.status.terminal.warn(CameraLine.STOPPED, error=error)
         except RuntimeError:  # published into a context that a signal has just ended
             if self.context.ok():

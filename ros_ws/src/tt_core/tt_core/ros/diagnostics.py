@@ -83,7 +83,7 @@ class Status:
         self._name = node.get_fully_qualified_name().lstrip("/")  # "arm", or "robot1/arm" in a namespace
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         self._last: dict[str, DiagnosticStatus] = {}  # what is repeated, by part
-        self._keep("", self._status("", "started", False, {}))
+        self._keep("", self._status("", "started", DiagnosticStatus.OK, {}))
         node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(
@@ -93,6 +93,7 @@ class Status:
         part: str = "",
         stamp: float | None = None,
         warn: bool = False,
+        error: bool = False,
         reason: Failure | None = None,
         **values: object,
     ) -> None:
@@ -102,7 +103,8 @@ class Status:
             what: What has happened. An event is also added to the values, with the key `event`.
             part: Part of the node that the status is about; empty for the whole node.
             stamp: Time of the last frame that the result is based on, s. If given, the status holds the latency since then.
-            warn: Whether the status is a warning.
+            warn: Whether the status is a warning: what is wrong may pass by itself.
+            error: Whether it is an error, which a person has to mend.
             reason: Why something was not done. The status holds its sentence as `reason`, its code as `code`, and its numbers by name.
             values: Other values to publish, by key.
         """
@@ -111,10 +113,11 @@ class Status:
             values = {"latency_ms": f"{1e3 * latency:.3f}", "stamp": f"{stamp:.9f}", **values}
         if reason is not None:
             values = {"reason": reason, "code": reason.code.name, **reason.values, **values}
+        level = DiagnosticStatus.ERROR if error else DiagnosticStatus.WARN if warn else DiagnosticStatus.OK
         if isinstance(what, Event):
-            self._send(part, what.value, warn, {"event": what.name, **values})
+            self._send(part, what.value, level, {"event": what.name, **values})
         else:
-            self._send(part, what, warn, values)
+            self._send(part, what, level, values)
 
     def wait_for(self, inputs: Sequence[Input]) -> None:
         """Publish once a second from now on whether all inputs have a publisher, as the status "NODE: inputs".
@@ -127,20 +130,20 @@ class Status:
         def report() -> None:
             waiting = [one.topic for one in inputs if not one.publishers]
             message = f"waiting for a publisher of {', '.join(waiting)}" if waiting else "ready"
-            warn = bool(waiting) and time.monotonic() > warn_from
-            self._send(INPUTS, message, warn, {one.topic: one.publishers for one in inputs})
+            level = DiagnosticStatus.WARN if waiting and time.monotonic() > warn_from else DiagnosticStatus.OK
+            self._send(INPUTS, message, level, {one.topic: one.publishers for one in inputs})
 
         self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _send(self, part: str, message: str, warn: bool, values: dict[str, object]) -> None:
-        status = self._status(part, message, warn, values)
+    def _send(self, part: str, message: str, level: bytes, values: dict[str, object]) -> None:
+        status = self._status(part, message, level, values)
         self._publish([status])
         if part != INPUTS:  # these are published once a second anyway
             self._keep(part, status)
 
-    def _status(self, part: str, message: str, warn: bool, values: dict[str, object]) -> DiagnosticStatus:
+    def _status(self, part: str, message: str, level: bytes, values: dict[str, object]) -> DiagnosticStatus:
         return DiagnosticStatus(
-            level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
+            level=level,
             name=f"{self._name}: {part}" if part else self._name,
             message=message,
             hardware_id=self._hardware,

@@ -31,7 +31,8 @@ from .params import changed_parameters
 from .presence import Presence
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
-ENDING = 2.0  # s that a process may take to end after its node was closed or could not be made
+ENDING = 2.0  # s that a process may take to end after a signal has ended its node
+UNASKED_ENDING = 15.0  # s if it ends by itself: its exit code tells why, and a busy machine needs more than 2 s for it
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
@@ -47,8 +48,8 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     node ends the process after `close`, with one line and exit code 1; the traceback is logged at the level DEBUG. Threads must end with
     the context; their errors after the end of the context are ignored.
 
-    After `close`, or when `make` has failed, the process has 2 s to end: sometimes Fast DDS deadlocks while its entities are destroyed (its
-    issue 6502), and holds the global interpreter lock (GIL). Then the process is ended by the signal that it had received, or by SIGTERM.
+    Sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the global interpreter lock (GIL). So this
+    signal ends a process that has received one 2 s after `close`, and SIGTERM one that ends by itself after 15 s.
 
     Args:
         make: Returns the node.
@@ -65,7 +66,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         raise SystemExit(2) from None
     node = _made(make)
     if node is None:
-        end_by_signal(signal.SIGTERM, ENDING)
+        end_by_signal(signal.SIGTERM, UNASKED_ENDING)
         gc.collect()  # what there is of the node goes, with the threads of its participant
         rclpy.try_shutdown()
         raise SystemExit(2)
@@ -87,7 +88,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     except Exception as error:
         crashes.append(error)
     finally:
-        end_by_signal(received[0] if received else signal.SIGTERM, ENDING)
+        end_by_signal(*((received[0], ENDING) if received else (signal.SIGTERM, UNASKED_ENDING)))
         rclpy.try_shutdown()
         _join_threads()
         _tell_crashes(node, crashes)
