@@ -86,7 +86,7 @@ class Page:
 
     def _add_goal(self, server: viser.ViserServer) -> None:
         default = GoalParams()
-        with server.gui.add_folder("Return: click on the far half of the table"):
+        with server.gui.add_folder("Return: click the far half"):
             time = server.gui.add_number("Flight time, s", default.flight_time, min=0.1, max=2.0, step=0.01)
             spin_y = server.gui.add_number("Spin y, rad/s", default.top_spin_y, min=-2000.0, max=2000.0, step=1.0)
             spin_z = server.gui.add_number("Spin z, rad/s", 0.0, min=-2000.0, max=2000.0, step=1.0)
