@@ -100,12 +100,13 @@ def test_swings_strike_on_time_within_the_limits(arm):
         tried += 1
         position, rotation = arm.racket(q)
         velocity = arm.jacobian(q)[:3] @ (0.2 * arm.speed_limits * rng.uniform(-1.0, 1.0, len(low)))
-        target = reach(arm, RacketState.facing(1.0, position, velocity, rotation[:, 2]), waiting)
-        swing = plan(arm, Joints.at_rest(0.0, waiting), target, 1.0)
+        at = max(1.0, 2.0 * float(np.max(np.abs(q - waiting) / arm.speed_limits)))  # s; a slow arm needs longer
+        target = reach(arm, RacketState.facing(at, position, velocity, rotation[:, 2]), waiting)
+        swing = plan(arm, Joints.at_rest(0.0, waiting), target, at)
         if swing.reason is not None:
             continue
         made += 1
-        reached, speeds = swing.sample(1.0)
+        reached, speeds = swing.sample(at)
         assert reached == pytest.approx(target.q, abs=1e-6)
         assert speeds == pytest.approx(target.qdot, abs=1e-5)
         _, positions, speeds = swing.table(0.01)
