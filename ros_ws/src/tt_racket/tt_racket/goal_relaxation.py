@@ -224,28 +224,24 @@ def relax_part(
     return Return(ball, found[0], found[1], Relaxation.between(goal, found[0], flag)) if found else None
 
 
-def relax_goal(
-    ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf
-) -> Return:
-    """Find a stroke that meets the goal as asked, or else the nearest relaxed goal that has a stroke.
+def relax_goal(asked: Return, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf) -> Return:
+    """Find the relaxed goal nearest to an asked one for which there is no stroke.
 
     First one part of the goal is given up (changed), in the order of `params.order`. If no single part helps and spin is in the order, time
     or place is changed together with the spin: first with the spin that the ball already has, then without spin.
 
     Args:
-        ball: Ball just before the hit.
-        goal: The asked goal.
+        asked: Ball and asked goal, with the result of `stroke.solve` for them.
         physics: Models of air, table and racket.
         params: Order, steps and bounds of the search; None for the default.
         racket_speed: m/s, highest speed of the racket.
 
     Returns:
-        The return. If no relaxed goal has a stroke either, it has the asked goal, and its stroke has no racket but the reason.
+        The return with the relaxed goal; `asked` if it has a stroke, or if no relaxed goal has one.
     """
-    params = params or RelaxationParams()
-    asked = Return(ball, goal, solve(ball, goal, physics, racket_speed=racket_speed))
     if asked.stroke.racket:
         return asked
+    params, ball, goal = params or RelaxationParams(), asked.ball, asked.goal
     for part in params.order:
         if (relaxed := relax_part(part, ball, goal, physics, params, racket_speed)) is not None:
             return relaxed
