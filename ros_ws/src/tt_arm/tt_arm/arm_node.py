@@ -30,7 +30,7 @@ from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STROKES, PUBLISHER_CHECK_INTERVAL, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST
@@ -51,14 +51,12 @@ from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
 WATCH = 0.0025  # s between two checks whether joint states have ceased
-LOOK = 0.25  # s between two checks whether another node publishes commands or joint states
 TICK = 0.002  # s between the last commands of the node when it ends
 LONGEST_END = 1.0  # s, longest time for which the node sends these commands
 POINTS = 0.02  # s between the points of the published swing
 SWITCH = 5e-4  # s, interval after which the planning thread's Python code yields to the servo
 TELL = 0.2  # s, least time between two reports of what stops the arm
 KEPT = {ArmStop.SWING_WILL_DO, ArmStop.SWING_COMMITTED}  # normal reasons for newer strokes to change nothing; they are no warnings
-LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
 
 
 class ArmLine(Enum):
@@ -144,7 +142,7 @@ class ArmNode(Node):
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
         self.description.publish(String(data=model.placed_description))
-        self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
+        self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(
             self,
@@ -163,7 +161,7 @@ class ArmNode(Node):
         self.create_service(Trigger, "arm/stop", self.on_stop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH, self.on_watch, clock=steady)
-        self.create_timer(LOOK, self.on_look, clock=steady)
+        self.create_timer(PUBLISHER_CHECK_INTERVAL, self.on_look, clock=steady)
         self.control.enable(params.enabled)
         threading.Thread(target=self.plan, name="planning", daemon=True).start()
 
@@ -329,7 +327,7 @@ class ArmNode(Node):
     def on_look(self) -> None:
         """Stop the arm while another node publishes commands or joint states, and find the clock with the largest offset.
 
-        A timer calls it every LOOK seconds.
+        A timer calls it every PUBLISHER_CHECK_INTERVAL seconds.
         """
         for topic in (self.commands.topic_name, self.states.topic):
             publishers = self.get_publishers_info_by_topic(topic)

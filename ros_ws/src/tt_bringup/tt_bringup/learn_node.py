@@ -23,7 +23,7 @@ from tt_core.params import check, param
 from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, joints_from_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STATE, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
@@ -38,7 +38,6 @@ from tt_vision.warm import warm_tracker
 from tt_vision.wide_inputs import WideInputs
 
 NICE = 5  # priority of the process: the nodes that play the ball come first
-LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes, largest message of each kind that is read
 LAG = 0.15  # s, delay with which joint states and pixels are processed: pixels come up to 0.1 s late on a busy machine
 MOST_WAITING = 1000  # length of the queues: 3 s of pixels of both cameras, 2 s of joint states
 TOLD = 0.005  # least change of a factor that the terminal shows

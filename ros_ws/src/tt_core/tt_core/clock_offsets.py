@@ -9,7 +9,7 @@ WINDOW = 10.0  # s, for which a measured offset is used
 MAX_SOURCES = 16
 MAX_SAMPLES = 64  # of one source; at 4 questions a second the window holds 40
 MAX_NAME = 128  # characters of the name of a source
-ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
+CLOCK_ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
 
 
 class ClockOffset(NamedTuple):
@@ -104,4 +104,4 @@ def _recent(sample: _Sample, now: float) -> bool:
 
 def _agree(one: _Sample, other: _Sample) -> bool:
     """Tell whether one offset lies within the uncertainty of both."""
-    return abs(one.offset - other.offset) <= one.uncertainty + other.uncertainty + ROUNDING
+    return abs(one.offset - other.offset) <= one.uncertainty + other.uncertainty + CLOCK_ROUNDING

@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 from scipy.special import ndtri
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.so3 import rotation_matrix
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_vision.camera import Camera
 from tt_vision.projection import project_point, ray, to_camera, unpack_camera
 
@@ -32,8 +33,6 @@ ZERO, HALF, ONE, TWO = (np.float32(x) for x in (0.0, 0.5, 1.0, 2.0))  # a plain 
 GOLDEN = (np.outer([0.7548776662466927, 0.5698402909980532], np.arange(1, SAMPLES + 1)) % 1.0).astype(np.float32)  # sub-pixel places
 LEVELS = 1 << 16
 NORMAL = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)  # a normal draw for each of as many even ones, up to 4.3 sigma
-
-Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from tt_arm.joints import Joints
+from tt_core.clock_offsets import CLOCK_ROUNDING
 from tt_core.states import Array, BallState
 
 from .cameras.tracking_cameras import TrackedPixel, TrackingCameraPair, TrackingCameras
@@ -26,7 +27,6 @@ from .world_file import WorldParams
 
 PAUSE = 0.25  # s, least time between two reports about the drives
 HOLD = 0.005  # s between two checks whether simulated time continues
-ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
 RECORD = 1.0  # s between two reports about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
 
@@ -118,7 +118,7 @@ class SimLoop:
             pace.follow_system_clock()
             tick_due, frame_due = robot.joints.time + tick, frames.due
             due = min(tick_due, frame_due)
-            if due > self._allowed + ROUNDING:
+            if due > self._allowed + CLOCK_ROUNDING:
                 pace.stand_still(due, HOLD)
                 continue
             pace.sleep_until(due)

@@ -44,7 +44,7 @@ from tt_core.ros.convert import (
     stamp,
 )
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LOOK, Input
+from tt_core.ros.inputs import PUBLISHER_CHECK_INTERVAL, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
@@ -131,7 +131,7 @@ class SimNode(Node):
             largest=LARGEST,
             refused=self.refused,
         )
-        self.create_timer(LOOK, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
         self.create_service(SetBool, "sim/pause", self.on_pause)
         self.create_service(Trigger, "sim/step", self.on_step)

@@ -26,7 +26,7 @@ from tt_core.priority import MEASUREMENT
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_INFO, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RECORDED, RELIABLE, SENSOR
@@ -46,7 +46,6 @@ from .warm import warm
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes of a message, for 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 MOST_HELD = 8  # number of bursts, of twelve images of 54 kB each
-LARGEST_INFO = 4096  # bytes of a message; one with 14 coefficients has 500
 
 
 class BurstReason(Enum):

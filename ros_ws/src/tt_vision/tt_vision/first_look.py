@@ -17,12 +17,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS
 from tt_core.failures import Failure
-from tt_core.states import Array
 
 from .camera import Camera
-from .capture.burst import BallDetection, Burst, Image
+from .capture.burst import BallDetection, Burst
 from .detection.ball_detection import fit_outline
 from .detection.illumination import GLOSS, CalibratedLamps, Illumination, fit_illumination, image_gain, lamp_illumination
 from .motion_fit import VAGUE_OUTLINE, BallMotion, fit_motion, fit_motion_to_outlines
@@ -31,10 +31,9 @@ from .spin.coarse_search import DENSE_TURN
 from .spin.estimate import SpinReason
 from .spin.registration import DEFAULT, Proposal, Registration, SearchParams, propose, register
 from .spin.soft_surface import SoftSurface, cut_out_halved, halved_views, soft_surface
-from .spin.surface_map import VIEW, divide_light, motion_views, pixel_normals, view_middles
+from .spin.surface_map import BORDER, VIEW, divide_light, motion_views, pixel_normals, view_middles
 
 SEARCHED = 3  # number of frames with which the spin is searched before the burst is complete; the result is confirmed with all frames
-BORDER = 4  # pixels, width of the border around the ball that is cut out with it
 GROWTH = 1.1  # factor by which the ball may grow in the image from the first frame on before all frames are cut out again
 MOST_SHIFT = 1.0  # pixels between the circle in one image and the fitted motion above which the ball is cut out again
 LEAST_CONTRAST = (

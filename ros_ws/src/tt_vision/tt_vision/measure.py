@@ -16,13 +16,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from tt_core.arrays import Array, Image
 from tt_core.errors import BadChoice, BadShape
 from tt_core.failures import Failure
 from tt_core.flight import Aerodynamics
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 
 from .camera import Camera
-from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst, Image
+from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst
 from .detection.ball_detection import DetectionReason, detect_balls, first_reason, whole_balls
 from .detection.illumination import CalibratedLamps
 from .first_look import FirstEstimate, look_at

@@ -18,6 +18,9 @@ from ..joints import JointBounds
 from ..kinematics import Chain
 from .closed_form import ElbowArm, inverse
 from .posture_cost import (
+    REFINED_EXCESS,
+    REFINED_POSTURES,
+    STEEPEST_COST,
     BestPosture,
     JointTasks,
     PostureQuestion,
@@ -31,9 +34,6 @@ from .posture_cost import (
 )
 
 SCATTERED = 173  # stride through the grid, so that a good posture is found early; a prime that is larger than any grid
-STARTS = 2  # number of postures of the grid that are refined
-CLOSE = 3.0  # largest excess over the lowest cost of the grid with which a posture may still be refined to the best one
-STEEP = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
 MOST_STEPS = 1000  # largest number of steps of one refinement, which takes about 30
 STEP_LEAST = 0.01  # rad, step size at which the refinement ends
 DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
@@ -222,7 +222,7 @@ def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: Refine
         if not moved:
             size *= 0.5
             same = max(abs(turn - best.turn), abs(swivel - best.swivel)) < 2.0 * size
-            if same or here > best.cost + STEEP * size:
+            if same or here > best.cost + STEEPEST_COST * size:
                 break
     return RefinedPosture(here, turn, swivel, here_q, here_qdot)
 
@@ -251,10 +251,10 @@ def elbow_search(face: Face, start: Array, limits: JointBounds, weights: Array, 
     for n in range(grid * grid):
         at = SCATTERED * n % (grid * grid)
         i, j = at // grid, at % grid
-        costs[i, j] = _posture(Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + CLOSE, Posture(q, qdot))
+        costs[i, j] = _posture(Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + REFINED_EXCESS, Posture(q, qdot))
         least = min(least, costs[i, j])
     best = RefinedPosture(math.inf, math.inf, math.inf, start[0].copy(), np.zeros(7))
-    for _ in range(STARTS):
+    for _ in range(REFINED_POSTURES):
         at = int(np.argmin(costs))
         i, j = at // grid, at % grid
         if costs[i, j] == math.inf:

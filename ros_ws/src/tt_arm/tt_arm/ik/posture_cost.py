@@ -23,6 +23,9 @@ LIMIT_COST = 20.0  # per rad or m by which a joint comes nearer to its position 
 LATE_COST = 5.0  # for each of the times of LATER that is too short
 LATER = (1.0, 1.1, 1.4, 2.0, 3.0, 1e3)  # multiples of the swing time; with the last one, only the speed limits count
 TOO_FAST_COST = 50.0  # per 1 by which the largest share of the possible joint speeds exceeds 1
+REFINED_POSTURES = 2  # number of the found postures that are refined
+REFINED_EXCESS = 3.0  # largest excess over the lowest cost found with which a posture may still be refined to the best one
+STEEPEST_COST = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
 UNRESOLVED = 1e-6  # m/s, largest error of the velocity that joint speeds may leave; a posture with a larger one is singular
 
 

@@ -20,6 +20,9 @@ from ..joints import JointBounds
 from ..kinematics import Chain, forward_into
 from .newton import NewtonScratch, Target, newton_scratch, settle
 from .posture_cost import (
+    REFINED_EXCESS,
+    REFINED_POSTURES,
+    STEEPEST_COST,
     BestPosture,
     PostureQuestion,
     PostureTask,
@@ -37,9 +40,6 @@ PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)  # bases of the Halton sequences of the jo
 PROBES, WIDER = 200, 2.0  # test postures for the distance of a reachable face from the atlas; factor on the largest one
 NORMAL_SCALE = 0.5  # m; a difference of 1 between two unit normals counts as this distance
 SEED_STEPS, REFINE_STEPS = 20, 6  # largest numbers of Newton steps for a posture of the atlas, and in the refinement
-STARTS = 2  # number of postures that are refined
-CLOSE = 3.0  # largest excess over the lowest cost with which a posture may still be refined to the best one
-STEEP = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
 MOST_STEPS = 300  # largest number of steps of one refinement, which takes about 30
 FIRST_STEP, LAST_STEP = 0.25, 0.01  # rad, first and last step size of a refinement
 SAME = 0.05  # rad or m; two postures that differ by less than this in every joint are refined to the same one
@@ -250,7 +250,7 @@ def _descend(search: Search, cost: float, best: float, q: Array, qdot: Array) ->
                 break
         if not moved:
             size *= 0.5
-            if cost > best + STEEP * size:
+            if cost > best + STEEPEST_COST * size:
                 break
     return cost
 
@@ -287,9 +287,9 @@ def search(
     for m in range(count + 2):
         for i in range(n):
             found[m, i] = start[2 * m, i] if m < 2 else atlas.postures[i, seeds[m - 2]]
-        costs[m] = _settled_cost(here, SEED_STEPS, least + CLOSE, found[m], speeds[m])
+        costs[m] = _settled_cost(here, SEED_STEPS, least + REFINED_EXCESS, found[m], speeds[m])
         least = min(least, costs[m])
-    for _ in range(STARTS):
+    for _ in range(REFINED_POSTURES):
         m = int(np.argmin(costs))
         if costs[m] == math.inf:
             break

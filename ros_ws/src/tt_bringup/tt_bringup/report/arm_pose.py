@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+from tt_arm.arm_urdf.urdf import RACKET
 from tt_core.errors import TtError
 from tt_core.states import Array
-
-RACKET = "racket"  # frame of the racket in the URDF
 
 
 class ArmPose:

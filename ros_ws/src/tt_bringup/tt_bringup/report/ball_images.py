@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS, RPM
 from tt_core.errors import TtError
 from tt_core.ros.bags import Bag
-from tt_core.states import Array
 from tt_vision.camera import Camera
-from tt_vision.capture.burst import Burst, Image
+from tt_vision.capture.burst import Burst
 from tt_vision.detection.outline import scan_outline
 from tt_vision.measure import Measurement
 from tt_vision.rig import SIDES

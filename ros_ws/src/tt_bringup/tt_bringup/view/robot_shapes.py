@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from tt_arm.arm_urdf.urdf import RACKET
 from tt_core.arrays import Array
 from tt_core.errors import TtError
 
@@ -16,7 +17,6 @@ from .items import Colour, Item, Shape
 
 GREY: Colour = (0.62, 0.65, 0.7, 1.0)  # colour of a link, if the URDF gives it none
 RED: Colour = (0.75, 0.13, 0.12, 1.0)  # colour of the racket, if the URDF gives it none
-RACKET = "racket"
 
 
 class RobotShapes:

@@ -24,7 +24,7 @@ from tt_core.ros.convert import (
     strokes_from_message,
 )
 from tt_core.ros.diagnostics import Event, Status, read_status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_JOINTS, LARGEST_PATH, LARGEST_STATE, LARGEST_STROKES, Input
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import Array
@@ -32,9 +32,7 @@ from tt_core.states import Array
 from .robot_shapes import RobotShapes
 from .scene import Joints, Scene, warm
 
-# bytes, largest message of each kind that is read
-LARGEST_STATE, LARGEST_PATH, LARGEST_STROKES, LARGEST_JOINTS, LARGEST_GOAL, LARGEST_URDF = 4096, 2**19, 2**15, 2**16, 4096, 2**22
-LARGEST_DIAGNOSTICS = 2**18
+LARGEST_URDF, LARGEST_DIAGNOSTICS = 2**22, 2**18  # bytes, largest message of each kind that is read
 
 
 class SceneInputs:

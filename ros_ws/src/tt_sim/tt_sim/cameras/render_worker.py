@@ -15,13 +15,14 @@ import sys
 from dataclasses import dataclass, field
 
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.physics import Physics
 from tt_core.priority import set_nice
 from tt_core.states import BallState
 from tt_vision.rig import high_speed_pair
 
 from ..domain_randomization import DomainRandomization
-from ..render import Image, Scene, Texture
+from ..render import Scene, Texture
 from ..world.launcher import LauncherParams, launch
 from .camera_faults import CameraFaults, arrivals
 from .camera_sequence import camera_sequence

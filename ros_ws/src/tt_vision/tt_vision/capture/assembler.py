@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.errors import BadShape, check_range
 from tt_core.params import check, param
 
 from ..detection.ball_detection import DetectionReason, find_ball
 from ..rig import SIDES
-from .burst import LEAST_FRAMES, MOST_FRAMES, BallDetection, Burst, Image
+from .burst import LEAST_FRAMES, MOST_FRAMES, BallDetection, Burst
 
 TIME_RESET = 1.0  # s; a stamp that is older than the newest one by more than this is taken as the start of another recording
 MOST_WAITING = 64  # most images of a side that wait for their partners: more than a camera of 900 Hz sends in `gap`

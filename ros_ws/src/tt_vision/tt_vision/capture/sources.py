@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.errors import TtError
 from tt_core.params import check, param
 from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message
 
 from ..rig import SIDES
-from .burst import Image
 from .devices import DeviceCounts, DeviceParams, grabs
 
 KINDS = ("folder", "video", "bag", "device")

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array, Image
 from tt_core.errors import BadShape, TtError
 from tt_core.failures import Failure
-from tt_core.states import Array
 
-from ..capture.burst import BallDetection, Burst, Image
+from ..capture.burst import BallDetection, Burst
 from .outline import CONTRAST, DEPTH, RAYS, scan_outline
 
 SATURATED = 0.2  # share of the ball's pixels at full scale above which the image counts as saturated, because the shading is lost

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS, RPM
 from tt_core.errors import TtError
 from tt_core.so3 import rotation_matrix
-from tt_core.states import Array
 
 from ..camera import Camera, triangulate
-from ..capture.burst import BallDetection, Burst, Image
+from ..capture.burst import BallDetection, Burst
 from ..detection.outline import DEPTH
 from ..projection import project_point, ray, rotate, unpack_camera, unpack_rotation
 

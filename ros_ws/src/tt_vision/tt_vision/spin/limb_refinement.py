@@ -19,6 +19,7 @@ from ..capture.burst import Burst
 from ..detection.illumination import Illumination, camera_light, gloss_level, white_level
 from ..detection.outline import (
     BLUR,
+    LEAST_BRIGHTNESS,
     OUTLINE_POINT,
     RAYS,
     SAMPLE_STEP,
@@ -43,7 +44,6 @@ MIDDLE_COSINE = 0.45  # cosine between normal and line of sight half way between
 BEND_PRIOR = 0.003  # weight of the prior that the light falls off towards the outline as expected; infinite with calibrated lamps
 EDGE_DEPTHS = 6  # number of outermost samples inside the outline whose mean, weighted by the blur, is the brightness of the edge
 LEAST_RATIO = 0.2  # least brightness of the image, relative to the expected one
-LEAST_BRIGHTNESS = 0.15  # least brightness just inside the edge, relative to the ball's contrast
 MOST_SHIFT = 3.0  # pixels, largest distance of the edge from where it is expected
 RAGGED = 1.5 * SMOOTH  # relative deviation from the expected brightness that divides a point's weight by four
 PASSES = 3  # number of times the edge along one ray is determined, each time with the brightness inside the last edge

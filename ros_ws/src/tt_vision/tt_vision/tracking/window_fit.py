@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from tt_core.arrays import VX, WX, Array, X
+from tt_core.interpolate import hermite_weights
 from tt_core.physics import physics_coefficients
 from tt_core.tangents import PARAMETERS, Scratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
 
@@ -206,11 +207,7 @@ def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array
             if not abs(state[k]) < 1e3:
                 return False
         while i < n and h > 0.0 and seen.times[i] <= now + h + 1e-12:
-            share = min(1.0, (seen.times[i] - now) / h)
-            left = 1.0 - share
-            # cubic Hermite interpolation, of the place and of its derivatives
-            a, b = (1.0 + 2.0 * share) * left * left, share * left * left * h
-            c, d = share * share * (3.0 - 2.0 * share), -share * share * left * h
+            a, b, c, d = hermite_weights(h, min(1.0, (seen.times[i] - now) / h))
             for k in range(3):
                 place[k] = a * last[k] + b * last[VX + k] + c * state[k] + d * state[VX + k]
                 for p in range(PARAMETERS):
