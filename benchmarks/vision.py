@@ -98,7 +98,7 @@ def right(bursts) -> dict[str, float]:
         ball = measure(*burst.images, burst.times, burst.cameras).ball
         got, spin = np.zeros(3) if ball is None else ball.spin, burst.ball.spin
         speed = abs(np.linalg.norm(got) - np.linalg.norm(spin)) / RPM < rotation.RIGHT
-        rows.append((speed, rotation.along(got, spin) > rotation.CLOSE))
+        rows.append((speed, rotation.along(got, spin) > rotation.ALIGNED_COSINE))
     speeds, axes = np.array(rows).T
     return {
         "speed within 200 rpm, %": 100.0 * speeds.mean(),
@@ -138,7 +138,10 @@ def main() -> None:
         "time median, method 2 spin alone / our whole measurement": float(np.median(took) / metrics["time ms, median"]),
     }
     per = max(1, args.runs // 80)
-    machines = {"rotation": (burst for *_, burst in rotation.turning(per)), "catapult": (burst for *_, burst in catapult.shots(2 * per))}
+    machines = {
+        "rotation": (burst for *_, burst in rotation.turning(per)),
+        "catapult": (burst for *_, burst in catapult.rendered_shots(2 * per)),
+    }
     for machine, filmed in machines.items():
         metrics |= {f"{machine} machine: {what}": value for what, value in right(filmed).items()}
     report("vision", args.runs, metrics, args.json)

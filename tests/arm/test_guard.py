@@ -12,7 +12,7 @@ from tt_arm.joints import NO_ACCELERATION_LIMIT, Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach
 from tt_arm.safety.clearance import braking_clearance, clearance
-from tt_arm.safety.command_limits import SAME
+from tt_arm.safety.command_limits import SAME_COMMAND
 from tt_arm.safety.guard import Guard, GuardParams
 from tt_arm.safety.stops import ArmStop
 from tt_arm.swing import SwingLimits
@@ -58,7 +58,7 @@ def test_nonsense_never_leaves(arm, commands):
         assert np.all(np.abs(allowed - last) <= steepest(arm) * TICK + 1e-9)
         if command.shape != (n,) or not np.isfinite(command).all():
             assert reason.code is ArmStop.BROKEN_COMMAND
-        assert reason is not None or np.allclose(allowed, command, rtol=0.0, atol=SAME)
+        assert reason is not None or np.allclose(allowed, command, rtol=0.0, atol=SAME_COMMAND)
         last = allowed
 
 

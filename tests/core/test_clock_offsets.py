@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_core.clock_offsets import MAX_NAME, MAX_SAMPLES, MAX_SOURCES, CLOCK_ROUNDING, WINDOW, ClockOffsets
+from tt_core.clock_offsets import CLOCK_ROUNDING, MAX_NAME, MAX_SAMPLES, MAX_SOURCES, OFFSET_WINDOW, ClockOffsets
 
 NOW = 1_764_000_000.0  # s, a time of day
 delays = st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.5))  # s, there and back
@@ -51,8 +51,8 @@ def test_a_clock_that_is_set_is_seen_at_once():
 def test_what_is_old_does_not_count():
     offsets = ClockOffsets()
     exchange(offsets, "camera", NOW, 0.5, 0.0, 0.0)
-    assert offsets.offset("camera", NOW + WINDOW - 0.1) is not None
-    for later in (NOW + WINDOW + 0.1, NOW - WINDOW - 0.1):  # also when our own clock was set back
+    assert offsets.offset("camera", NOW + OFFSET_WINDOW - 0.1) is not None
+    for later in (NOW + OFFSET_WINDOW + 0.1, NOW - OFFSET_WINDOW - 0.1):  # also when our own clock was set back
         assert offsets.offset("camera", later) is None and offsets.worst(later) is None
 
 
@@ -60,9 +60,9 @@ def test_sources_and_samples_are_bounded():
     offsets = ClockOffsets()
     assert all(exchange(offsets, f"node {i}", NOW, 0.0, 0.0, 0.0) for i in range(MAX_SOURCES))
     assert not exchange(offsets, "one more", NOW, 0.0, 0.0, 0.0)
-    assert exchange(offsets, "one more", NOW + WINDOW + 1.0, 0.0, 0.0, 0.0)  # the others have gone
+    assert exchange(offsets, "one more", NOW + OFFSET_WINDOW + 1.0, 0.0, 0.0, 0.0)  # the others have gone
     for i in range(3 * MAX_SAMPLES):
-        exchange(offsets, "one more", NOW + WINDOW + 1.0 + 1e-3 * i, 0.0, 0.0, 0.0)
+        exchange(offsets, "one more", NOW + OFFSET_WINDOW + 1.0 + 1e-3 * i, 0.0, 0.0, 0.0)
     assert len(offsets._samples["one more"]) == MAX_SAMPLES
 
 

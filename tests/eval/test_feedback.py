@@ -7,7 +7,7 @@ import pytest
 from tt_core.errors import TtError
 from tt_eval.episode import landing_error, play, session
 from tt_eval.scenario import Robot, load
-from tt_eval.sweep import part
+from tt_eval.sweep import simulate_balls
 from tt_sim.world.outcome import Result
 
 SCENARIO = replace(load("real", robot="feedback", images=False), session=4)
@@ -54,7 +54,7 @@ def test_a_robot_that_learns_lands_nearer():
 def test_a_session_is_the_same_again_and_a_ball_one_of_it(balls):
     again = play(SCENARIO, 2)
     assert again.outcome.to_text() == balls[2].outcome.to_text()
-    rows = part(SCENARIO, 2, 4).to_pylist()
+    rows = simulate_balls(SCENARIO, 2, 4).to_pylist()
     assert [row["seed"] for row in rows] == [2, 3]
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 from tt_core.states import BallState
-from tt_core.strict_yaml import names
+from tt_core.strict_yaml import yaml_names
 from tt_eval.episode import Trial
 from tt_eval.scenario import HOME, load
-from tt_eval.sensor_error_fit import SLOW, drawn, errors_seen
+from tt_eval.sensor_error_fit import SLOW_SPEED, draw_ball, errors_seen
 from tt_eval.sensor_error_model import FULL, SensorErrorModel, brightest, illumination, last_frame, saturated_share
 from tt_sim.render import Lamps, Noise, Texture, render
 from tt_vision.detection.ball_detection import SATURATED, find_ball
@@ -27,8 +27,8 @@ def test_the_model_agrees_with_images(name, slow):
     for seed in range(4000 + slow, 4000 + slow + 2 * BALLS, 2):
         passes, row = errors_seen(scenario, seed)
         if row is not None:
-            trial = drawn(scenario, seed)
-            assert (np.linalg.norm(trial.ball.velocity) < SLOW) == slow
+            trial = draw_ball(scenario, seed)
+            assert (np.linalg.norm(trial.ball.velocity) < SLOW_SPEED) == slow
             rows.append(row[:9] / sight.sigmas(trial.ball))
         else:
             assert not passes or sight.refused > 0.0
@@ -76,7 +76,7 @@ def test_a_fit_finds_the_errors_it_is_given(tmp_path):
 
 
 def test_every_model_here_is_a_covariance():
-    for name in names(HOME / "sensor_error_models"):
+    for name in yaml_names(HOME / "sensor_error_models"):
         sight = SensorErrorModel.load(name)
         assert np.linalg.eigvalsh(sight.correlation).min() > -1e-2  # rounded to three digits
         assert 0.0 <= sight.refused < 0.1

@@ -51,12 +51,15 @@ from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
 WATCH = 0.0025  # s between two checks whether joint states have ceased
-TICK = 0.002  # s between the last commands of the node when it ends
+END_COMMAND_INTERVAL = 0.002  # s between the last commands of the node when it ends
 LONGEST_END = 1.0  # s, longest time for which the node sends these commands
-POINTS = 0.02  # s between the points of the published swing
-SWITCH = 5e-4  # s, interval after which the planning thread's Python code yields to the servo
-TELL = 0.2  # s, least time between two reports of what stops the arm
-KEPT = {ArmStop.SWING_WILL_DO, ArmStop.SWING_COMMITTED}  # normal reasons for newer strokes to change nothing; they are no warnings
+SWING_POINT_INTERVAL = 0.02  # s between the points of the published swing
+THREAD_SWITCH_INTERVAL = 5e-4  # s, interval after which the planning thread's Python code yields to the servo
+STOP_REPORT_INTERVAL = 0.2  # s, least time between two reports of what stops the arm
+NORMAL_REASONS = {
+    ArmStop.SWING_WILL_DO,
+    ArmStop.SWING_COMMITTED,
+}  # normal reasons for newer strokes to change nothing; they are no warnings
 
 
 class ArmLine(Enum):
@@ -129,7 +132,7 @@ class ArmNode(Node):
         warm(model)
         check_feasible(model, self.control.limits)
         check_guard(model, self.control.limits, guard)
-        sys.setswitchinterval(SWITCH)
+        sys.setswitchinterval(THREAD_SWITCH_INTERVAL)
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
         self.arrival, self.ending = threading.Event(), False
@@ -275,7 +278,7 @@ class ArmNode(Node):
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
-            is_kept = selected.refused is not None and selected.refused.code in KEPT
+            is_kept = selected.refused is not None and selected.refused.code in NORMAL_REASONS
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=not is_kept, reason=first, chosen=-1, reasons=reasons)
             if not is_kept:
                 self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
@@ -292,7 +295,7 @@ class ArmNode(Node):
             reasons=reasons,
         )
         self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
-        self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
+        self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(SWING_POINT_INTERVAL)))
 
     def tell_no_swing(self, stamp: float, failure: Failure) -> None:
         """Publish why strokes that rest on a frame of `stamp` (s) are not tried."""
@@ -347,13 +350,13 @@ class ArmNode(Node):
         return time.monotonic() * self.rtf
 
     def publish_stop(self, reason: Failure | None) -> None:
-        """Report what stops or limits the arm, if it has changed since the last report, at most every TELL seconds.
+        """Report what stops or limits the arm, if it has changed since the last report, at most every STOP_REPORT_INTERVAL seconds.
 
         Args:
             reason: Why the command differs from what the swing asks for; None if it does not.
         """
         code, now = code_name(reason), time.monotonic()
-        if code != self.reported and now > self.reported_at + TELL:
+        if code != self.reported and now > self.reported_at + STOP_REPORT_INTERVAL:
             self.reported, self.reported_at = code, now
             self.status.publish(f"guard: {reason or 'nothing to cut'}", warn=reason is not None, reason=reason, code=code)
             if reason is None:
@@ -370,7 +373,7 @@ class ArmNode(Node):
             self.command(command)
             if not command.any():
                 break
-            time.sleep(TICK)
+            time.sleep(END_COMMAND_INTERVAL)
         self.ending = True
         self.arrival.set()
         self.reported_at = 0.0

@@ -35,7 +35,7 @@ from .swing import Swing, SwingLimits, plan, strike
 from .trajectory.legs import make_leg
 from .trajectory.path import Path
 
-AT_REST = 0.02  # rad/s, joint speed below which a stop is over
+STOPPED_SPEED = 0.02  # rad/s, joint speed below which a stop is over
 AT_WAITING = 0.02  # rad, distance from the waiting posture within which the first motion after enabling is over
 
 
@@ -257,7 +257,7 @@ class ArmControl:
             self._arriving = self._arriving or damage is not None
             return ControlStep(self.guard.stop(now, joints, age), stopped)
         interrupted = (self.states.gap and self._resume(joints)) or interrupted
-        if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
+        if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > STOPPED_SPEED):
             return ControlStep(self.guard.stop(now, joints, age), self._rest, interrupted=interrupted)
         self._rest = None
         self.guard.speed_scale = self._speed
@@ -391,7 +391,7 @@ class ArmControl:
 
     def _arrived(self, joints: Joints) -> bool:
         """Return whether the arm is at its waiting posture, which ends the first motion after enabling."""
-        if np.abs(joints.q - self.model.waiting).max() < AT_WAITING and np.abs(joints.qdot).max() < AT_REST:
+        if np.abs(joints.q - self.model.waiting).max() < AT_WAITING and np.abs(joints.qdot).max() < STOPPED_SPEED:
             self._arriving = False
         return not self._arriving
 

@@ -16,11 +16,11 @@ from tt_core.states import RacketState
 
 from .joints import Joints
 from .model import ArmModel
-from .reach import METHODS, Reach, ReachFailure, ReachParams, reach
+from .reach import REACH_METHODS, Reach, ReachFailure, ReachParams, reach
 from .stroke_correction import corrections, postures
 from .swing import StrikePlan, Swing, SwingLimits, strike
 
-HOPELESS = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
+MOST_LATE = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
 LEAST_TIME, MOST_TIME = 0.05, 10.0  # s, bounds of the swing times for which postures are searched
 LESS_SPARE = 0.25  # share of the spare time in the last search; not 0, because the search knows the effect of the jerk limit only roughly
 
@@ -38,7 +38,7 @@ class SelectionParams:
     margin: float = param(
         0.0, "", "share of the speed limits that a new posture keeps for corrections of its stroke, if it can", low=0.0, high=0.9
     )
-    method: str = param("best", "", "method of `reach`; liu is the dissertation's, for comparison", choices=METHODS)
+    method: str = param("best", "", "method of `reach`; liu is the dissertation's, for comparison", choices=REACH_METHODS)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -203,7 +203,7 @@ def _try(
         target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=params.method, limits=joints)
         planned = strike(model, start, target, racket.time, limits)
         too_fast = target.reason is not None and target.reason.code is ReachFailure.BEYOND_SPEED_LIMIT
-        if planned.swing is not None or (planned.earliest - racket.time > HOPELESS and not (too_fast and margin > 0.0)):
+        if planned.swing is not None or (planned.earliest - racket.time > MOST_LATE and not (too_fast and margin > 0.0)):
             break
     return target, planned
 

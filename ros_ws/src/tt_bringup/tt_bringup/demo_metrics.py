@@ -139,7 +139,7 @@ def demo_metrics(
     )
 
 
-COLUMNS = (  # two lines of heading, and width in characters; 80 with the gaps between them
+TABLE_COLUMNS = (  # two lines of heading, and width in characters; 80 with the gaps between them
     ("ball", "", 7),
     ("spin, rpm", "true meas.", 10),
     ("off", "rpm", 3),
@@ -150,11 +150,11 @@ COLUMNS = (  # two lines of heading, and width in characters; 80 with the gaps b
     ("spin y, z, rad/s", "asked got", 16),
     ("latency", "ms", 7),
 )
-HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS) for row in (0, 1))
+TABLE_HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in TABLE_COLUMNS) for row in (0, 1))
 
 
-def line(s: DemoMetrics) -> str:
-    """Return the metrics of one ball as a line of text whose columns fit HEADER.
+def table_line(s: DemoMetrics) -> str:
+    """Return the metrics of one ball as a line of text whose columns fit TABLE_HEADER.
 
     A cell is blank if its value is None. The reason why the ball was not returned, if there is one, is a second line.
 
@@ -184,5 +184,5 @@ def line(s: DemoMetrics) -> str:
         pair(places(s.return_spin_asked, ".0f", ","), places(s.return_spin_reached, ".0f", ",")),
         number(s.latency_ms, ".0f"),
     )
-    row = "  ".join(f"{cell:^{column[2]}}" for cell, column in zip(cells, COLUMNS, strict=True))
+    row = "  ".join(f"{cell:^{column[2]}}" for cell, column in zip(cells, TABLE_COLUMNS, strict=True))
     return row if s.reason is None else f"{row}\n{'':9}not returned: {s.reason}"

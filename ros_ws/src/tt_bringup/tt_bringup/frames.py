@@ -51,7 +51,7 @@ class _Joint:
         return Transform(self.rest.parent, self.rest.child, self.rest.rotation @ turn, self.rest.translation)
 
 
-class Frames:
+class RobotFrames:
     """The frames of a robot, one for each joint of its URDF.
 
     Attributes:

@@ -44,10 +44,17 @@ from .view.readings import Health, Readings
 from .view.scene_inputs import SceneInputs
 
 NICE = 10  # priority of the process: the robot comes first
-PANELS = 6  # the panels are updated once in so many updates of the scene
+UPDATES_PER_PANEL = 6  # the panels are updated once in so many updates of the scene
 IMAGES = 0.01  # s, shortest time between two images of a camera that are read
 LARGEST_SHOWN_IMAGE = 2**26  # bytes, largest message with an image that is read
-STAGES = (Event.FIRST_ESTIMATE, Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # latencies that are shown
+SHOWN_STAGES = (
+    Event.FIRST_ESTIMATE,
+    Event.MEASURED,
+    Event.PATH,
+    Event.STROKES,
+    Event.SWING,
+    Event.FIRST_COMMAND,
+)  # latencies that are shown
 
 
 @dataclass(frozen=True)
@@ -127,7 +134,7 @@ class ViewNode(Node):
         now = self.inputs.now()
         self.readings.take_health(Health(now, s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
         for status in read_status(message):
-            if status.event in STAGES and "latency_ms" in status.values:
+            if status.event in SHOWN_STAGES and "latency_ms" in status.values:
                 self.readings.take_latency(status.event.value, float(status.values["latency_ms"]))
 
     def on_timer(self) -> None:
@@ -138,7 +145,7 @@ class ViewNode(Node):
             return
         now = self.inputs.now()
         self.page.draw(self.inputs.scene.items(now))
-        if self.updates % PANELS == 0:
+        if self.updates % UPDATES_PER_PANEL == 0:
             self.page.show(self.inputs.scene, self.readings, now)
         self.updates += 1
 

@@ -57,7 +57,7 @@ from . import rallies
 from .arm_loop import arm_ticks
 from .failures import Causes, EpisodeFailure
 from .fast_swing import Setup, rally
-from .feedback import Answer, Follower
+from .feedback import BallResponse, Follower
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
@@ -114,16 +114,16 @@ class Trial:
             ball, orientation = launch(kind, scale, scenario.launcher, rng)
         else:
             if scenario.shots == "rotation":
-                ball = rotation_machine.ball(seed)
+                ball = rotation_machine.rotating_ball(seed)
             else:
-                known = rallies.shots(scenario.intercept) if scenario.ball is None else (scenario.ball,)
+                known = rallies.reachable_shots(scenario.intercept) if scenario.ball is None else (scenario.ball,)
                 ball = known[rng.integers(len(known))]
             kind, scale, orientation = scenario.shots, 0, Rotation.random(rng=rng).as_matrix()
             cameras, lamps = _aimed(ball)
         world = _session_world(scenario.world, seed // scenario.balls)
         physics = world.domain_randomization.draw(world.physics, rng)
         if scenario.shots == "rotation":
-            physics = replace(physics, air=rotation_machine.HELD)
+            physics = replace(physics, air=rotation_machine.NO_AIR_OR_GRAVITY)
         ball = BallState.from_vector(ball.time + time, ball.vector)
         return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, lamps, rng)
 
@@ -180,7 +180,7 @@ class Episode:
     candidates: Candidates | None
     selection: StrokeSelection | None
     joints: Array
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[BallResponse, ...] = ()
 
     @functools.cached_property
     def sightings(self) -> Sightings:
@@ -419,7 +419,7 @@ def _plant(scenario: Scenario) -> Plant:
 
 
 def _episode(
-    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, answers: tuple[Answer, ...] = ()
+    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, answers: tuple[BallResponse, ...] = ()
 ) -> Episode:
     return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints, answers)
 
@@ -518,7 +518,7 @@ class FollowedSession:
         self._follower = Follower(scenario, learner)
         self._ball, self._struck = -1, False
         self.plans, self.choices = list(plans), dict[int, StrokeSelection]()
-        self.answers = list[tuple[Answer, ...]]([()] * len(trials))
+        self.answers = list[tuple[BallResponse, ...]]([()] * len(trials))
 
     def next_ball(self) -> None:
         """Stop tracking the ball before, and start to track the ball that is launched now."""

@@ -23,7 +23,7 @@ from tt_vision.camera import triangulate
 
 from .episode import Episode, play
 from .miss import Miss
-from .page import BLUE, GREEN, GREY, ORANGE, WHOLE, Section, Table, html_page, write_page
+from .page import BLUE, GREEN, GREY, ORANGE, WHOLE_WIDTH, Section, Table, html_page, write_page
 from .scenario import load
 from .sweep_metrics import NUMBERS, TEXTS
 
@@ -132,7 +132,7 @@ def robot(numbers: dict[str, Array]) -> list[str]:
     return [*(_cell(v) for v in (100.0 * float(seen.mean()), *spin, *shares)), _cell(back, 2)]
 
 
-def tables(sweeps: Sequence[Sweep]) -> list[Table]:
+def sweep_tables(sweeps: Sequence[Sweep]) -> list[Table]:
     """Return the tables of all sweeps, with one or two columns for each sweep."""
     heads = [head for sweep in sweeps for head in (sweep.name, "as judged")]
     cells = [c for s in sweeps for c in (returns(s.numbers, s.misses), returns(s.numbers, s.judged, "judged_"))]
@@ -178,7 +178,7 @@ def scatter(numbers: dict[str, Array]) -> go.Figure:
     figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker=ring, name="asked")
     figure.update_yaxes(title_text="y, m", scaleanchor="x", range=[-0.1, TABLE_WIDTH + 0.1])
     figure.update_xaxes(title_text="x, m (the robot is left)", range=[-0.1, TABLE_LENGTH + 0.1])
-    return figure.update_layout(title="Landing places", height=560, meta=WHOLE)
+    return figure.update_layout(title="Landing places", height=560, meta=WHOLE_WIDTH)
 
 
 def causes(numbers: dict[str, Array]) -> list[go.Figure]:
@@ -272,9 +272,9 @@ def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
     return np.column_stack([times, outcome.places(times, air)])
 
 
-def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
+def sweep_page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
     """Return an HTML page with tables and figures of sweeps, and with figures of one ball if it is given."""
-    sections = [Section("", tables=tables(sweeps))]
+    sections = [Section("", tables=sweep_tables(sweeps))]
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
         figures = [scatter(shown), *causes(shown), *judged_off(shown)] if landed else causes(shown)
@@ -283,10 +283,10 @@ def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
     if ball is not None:
         title = f"One ball as two wide cameras saw it, {ball.trial.kind} {ball.trial.scale} (Figures 4.7 to 4.10)"
         sections.append(Section(title, figures=one_ball(ball)))
-    return html_page("Rallies", sections, lead=[verdict(s) for s in sweeps])
+    return html_page("Rallies", sections, lead=[sweep_summary(s) for s in sweeps])
 
 
-def verdict(sweep: Sweep) -> str:
+def sweep_summary(sweep: Sweep) -> str:
     """Return a sentence that summarizes the results of a sweep."""
     count = len(sweep.misses)
     if not np.isfinite(sweep.numbers["asked_x"]).any():
@@ -312,13 +312,13 @@ def main() -> None:
     except TtError as error:
         print(f"evaluate: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    for table in tables(sweeps):
+    for table in sweep_tables(sweeps):
         printed = rich.table.Table(*table.head, title=table.title, title_justify="left")
         for row in table.rows:
             printed.add_row(*row)
         Console().print(printed)
     if args.page:
-        write_page(args.page, page(sweeps, ball))
+        write_page(args.page, sweep_page(sweeps, ball))
         print(args.page)
 
 

@@ -35,7 +35,7 @@ KNOWN_SPIN = 1.0  # rad/s, standard deviation of the spin for a robot that assum
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+class BallResponse:
     """What the robot computes from one state of the ball.
 
     Attributes:
@@ -85,11 +85,11 @@ class Follower:
         self._tracker = self._lesson.tracker if self._lesson else Tracker(learner.physics, _cameras(), params)
         self._ball = FollowedBall()
         self._inbox, self._order = list[tuple[float, int, BallState | TrackedPixel]](), count()
-        self._answer: Answer | None = None
+        self._answer: BallResponse | None = None
         self._selection = StateSelection(StateSelectionParams(interval=scenario.robot.interval, patience=scenario.robot.patience))
         self._newest = self._predicted = -np.inf  # s: stamp of the newest pixel, and time of the last state that was predicted
         self._struck = False
-        self.answers = list[Answer]()
+        self.answers = list[BallResponse]()
 
     def measure(self, ball: BallState, arrival: float) -> None:
         """Add the ball that the high-speed cameras have measured.
@@ -110,7 +110,7 @@ class Follower:
         for one in pixels:
             heappush(self._inbox, (one.arrival, next(self._order), one))
 
-    def answer(self, now: float) -> Answer | None:
+    def answer(self, now: float) -> BallResponse | None:
         """Process what has arrived until a time, and return the strokes that are at the arm then.
 
         Args:
@@ -173,7 +173,7 @@ class Follower:
         except TtError:  # a first estimate may be no ball that can fly there
             return
         self._predicted = ball.time
-        self._answer = Answer(ball, path, goal, candidates, now + robot.reaction)
+        self._answer = BallResponse(ball, path, goal, candidates, now + robot.reaction)
         self.answers.append(self._answer)
 
     def _strokes(self, path: BallPath, goal: ReturnGoal, physics: Physics) -> Candidates:

@@ -21,12 +21,13 @@ from .progress import tracked
 from .scenario import HOME, Scenario, load
 from .sensor_error_model import SensorErrorModel, last_frame
 
-FEWEST = 50  # least number of measured balls for a fit
-SLOW, SPUN = 3.0, 700.0  # m/s, rad/s: every other ball of a fit has a speed from 0 to SLOW, and a spin up to SPUN about any axis
+LEAST_FITTED_BALLS = 50  # least number of measured balls for a fit
+SLOW_SPEED = 3.0  # m/s; every other ball of a fit has a speed from 0 to this
+SLOW_BALL_SPIN = 700.0  # rad/s, largest spin of these balls, about any axis
 SCENARIOS = ("liu", "real", "harsh")  # one for each sensor error model
 
 
-def drawn(scenario: Scenario, seed: int) -> Trial:
+def draw_ball(scenario: Scenario, seed: int) -> Trial:
     """Draw a ball for the fit at random.
 
     For even seeds this is a ball of the launcher, its scales in turn; for odd seeds a slow or resting ball in the middle of the view.
@@ -42,12 +43,12 @@ def drawn(scenario: Scenario, seed: int) -> Trial:
     ways = rng.normal(size=(2, 3))
     way, axis = ways / np.linalg.norm(ways, axis=1)[:, None]
     place = np.array(VIEW_CENTRE) + rng.uniform(-0.01, 0.01, 3)
-    ball = BallState(0.0, place, rng.uniform(0.0, SLOW) * way, rng.uniform(0.0, SPUN) * axis)
+    ball = BallState(0.0, place, rng.uniform(0.0, SLOW_SPEED) * way, rng.uniform(0.0, SLOW_BALL_SPIN) * axis)
     return Trial.drawn(replace(scenario, shots="given", ball=ball), seed)
 
 
 def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
-    """Render and measure one ball of `drawn`.
+    """Render and measure one ball of `draw_ball`.
 
     Args:
         scenario: Whose launcher, world and cameras are used.
@@ -58,7 +59,7 @@ def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
         (m/s)
         and spin (rad/s), true speed (m/s) and true spin (rad/s), or None if the ball was not measured.
     """
-    trial = drawn(scenario, seed)
+    trial = draw_ball(scenario, seed)
     passes = last_frame(trial.ball, trial.cameras, trial.physics) is not None
     measured = trial.seen()[1] if passes else None
     if measured is None:
@@ -67,22 +68,22 @@ def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
     return passes, np.array([*(measured.vector - true), np.linalg.norm(true[3:6]), np.linalg.norm(true[6:])])
 
 
-def fit(scenario: Scenario, balls: int) -> SensorErrorModel:
+def fit_sensor_errors(scenario: Scenario, balls: int) -> SensorErrorModel:
     """Fit a sensor error model to rendered balls, on all cores.
 
     Args:
         scenario: Whose launcher, world and cameras are used.
-        balls: Number of balls, see `drawn`.
+        balls: Number of balls, see `draw_ball`.
 
     Raises:
-        TtError: Fewer than FEWEST are measured.
+        TtError: Fewer than LEAST_FITTED_BALLS are measured.
     """
     with ProcessPoolExecutor() as pool:
         seen = pool.map(functools.partial(errors_seen, scenario), range(balls), chunksize=4)
         done = list(tracked("balls", balls, seen))
     rows = np.array([row for _, row in done if row is not None])
-    if len(rows) < FEWEST:
-        raise TtError(f"{len(rows)} of {balls} balls were measured, {FEWEST} needed")
+    if len(rows) < LEAST_FITTED_BALLS:
+        raise TtError(f"{len(rows)} of {balls} balls were measured, {LEAST_FITTED_BALLS} needed")
     return SensorErrorModel.fitted(rows[:, :9], rows[:, 9], rows[:, 10], 1.0 - len(rows) / sum(passes for passes, _ in done))
 
 
@@ -95,13 +96,15 @@ def main() -> None:
         "--out", type=Path, default=HOME / "sensor_error_models", metavar="DIRECTORY", help="of the models (default: where they are read)"
     )
     args = parser.parse_args()
-    if args.balls < FEWEST:
-        parser.error(f"--balls {args.balls} is less than {FEWEST}")
+    if args.balls < LEAST_FITTED_BALLS:
+        parser.error(f"--balls {args.balls} is less than {LEAST_FITTED_BALLS}")
     try:
         scenarios = [load(name) for name in args.scenarios or SCENARIOS]
         for name, scenario in zip(args.scenarios or SCENARIOS, scenarios, strict=True):
             file = args.out / f"{scenario.world.sensor_error_model}.yaml"
-            fit(scenario, args.balls).save(file, f"Fitted to {args.balls} rendered balls: ros2 run tt_eval fit_sensor_error {name}")
+            fit_sensor_errors(scenario, args.balls).save(
+                file, f"Fitted to {args.balls} rendered balls: ros2 run tt_eval fit_sensor_error {name}"
+            )
             print(file)
     except TtError as error:
         print(f"fit_sensor_error: {error}", file=sys.stderr)

@@ -25,13 +25,13 @@ from tt_core.arrays import POSITION, STATE, TIME, VELOCITY, Array
 from tt_core.errors import TtError
 from tt_core.events import MOST_BOUNCES, Rows, StopCondition, StopKind, walk
 from tt_core.interpolate import hermite
-from tt_core.learnt_physics import NODES
+from tt_core.learnt_physics import PHYSICS_NODES
 from tt_core.physics import Physics, physics_coefficients
 
 from .coefficients import LEAST_SCALE, RANGES, NoFlights, coefficient, with_coefficients
 from .landing_fit import Identification, identify_landings
 from .landings import up_to_landing
-from .recordings import Flight, load
+from .recordings import Flight, load_flights
 
 __all__ = [
     "Identification",
@@ -47,8 +47,8 @@ __all__ = [
 ]
 
 SPIN_UNIT = 100.0  # rad/s, scale of the spins in the fit
-MOST_SPIN = 1000.0  # rad/s, bound of the fitted spins
-SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins to start from; (3.3) is not continuous at 0
+SPIN_BOUND = 1000.0  # rad/s, bound of the fitted spins
+START_TOPSPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins to start from; (3.3) is not continuous at 0
 START_CORRECTIONS = 3  # number of Gauss-Newton steps with which the start of a flight is fitted for the first time
 MORE_CORRECTIONS = 2  # number of steps from the start that was found with the previous coefficients
 _AT_TIME = int(StopKind.TIME)
@@ -205,13 +205,13 @@ class _Fit:
         return out
 
     def first_topspins(self) -> Array:
-        """Return for each group without a measured spin the element of SPINS (rad/s) that fits its flights best."""
-        cost = np.zeros((len(SPINS), len(self.groups)))
-        for row, spin in zip(cost, SPINS, strict=True):
+        """Return for each group without a measured spin the element of START_TOPSPINS (rad/s) that fits its flights best."""
+        cost = np.zeros((len(START_TOPSPINS), len(self.groups)))
+        for row, spin in zip(cost, START_TOPSPINS, strict=True):
             for flight, miss in zip(self.flights, self.misses(self.physics, np.full(len(self.groups), spin)), strict=True):
                 if flight.spin is None:
                     row[self.groups.index(flight.group)] += np.mean(miss**2)
-        return np.array(SPINS)[np.argmin(cost, axis=0)]
+        return np.array(START_TOPSPINS)[np.argmin(cost, axis=0)]
 
     def first(self) -> Array:
         """Return the unknowns (n,), scaled coefficients and topspins, from which the fit starts."""
@@ -220,7 +220,7 @@ class _Fit:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and the upper bounds (n,) of the unknowns, the scaled coefficients and topspins."""
-        ranges = [RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
+        ranges = [RANGES[name] for name in self.names] + [(-SPIN_BOUND, SPIN_BOUND)] * len(self.groups)
         low, high = np.array(ranges).T / self.scale
         return low, high
 
@@ -300,7 +300,7 @@ def write_parameters(found: Identified, base: str, path: Path) -> None:
     """
     lines = [f"# identified; behind each value half the width of its 95 % interval; rms {1e3 * found.rms[1]:.2f} mm"]
     values = [f"    {n}: {float(v)!r} # {h:.2g}" for n, v, h in zip(found.names, found.values, found.intervals, strict=True)]
-    for node in NODES:
+    for node in PHYSICS_NODES:
         lines += [f"/**/{node}:", "  ros__parameters:", f"    physics: {base}", *values]
     path.write_text("\n".join(lines) + "\n")
 
@@ -331,7 +331,7 @@ def main(words: Sequence[str] | None = None) -> int:
     names = args.coefficients or ["air.drag", "air.lift" if args.physics == "liu" else "air.lift_ratio"]
     physics = Physics.liu() if args.physics == "liu" else Physics.measured()
     try:
-        flights = load(args.source, args.topic)
+        flights = load_flights(args.source, args.topic)
         with console.status(f"{len(flights)} flights") as status:
             found = identify(
                 flights, physics, names, lambda n, rms: status.update(f"{len(flights)} flights, trial {n}: {1e3 * rms:.2f} mm")

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from tt_core.arrays import VZ, Array, X, Y, Z
 from tt_core.errors import BadShape, TtError, check_array, check_choice
 from tt_core.events import LONGEST_PATH
-from tt_core.flight import MAX_STEP, crossing, ease, step
+from tt_core.flight import MAX_STEP, crossing_time, ease, step
 from tt_core.physics import Physics, physics_coefficients
 from tt_core.states import BallState
 
@@ -67,7 +67,7 @@ def _land_entry(states: Array, physics: Array, out: Array) -> None:
             h = MAX_STEP * ease(now, air)
             step(now, h, air, end, work)
             if end[Z] <= contact and end[VZ] < 0.0 and now[Z] > contact:
-                t += crossing(now, 0.0, h, Z, contact, air, end, work)
+                t += crossing_time(now, 0.0, h, Z, contact, air, end, work)
                 out[i, 0], out[i, 1], out[i, 2] = end[X], end[Y], t
                 break
             now[:] = end

@@ -20,7 +20,9 @@ from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState
 
 OF_RUBBER = slice(OF_BALL, len(FACTORS))
-STEPS = np.concatenate([np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)])  # steps of finite differences, ball and racket, SI units
+DIFFERENCE_STEPS = np.concatenate(
+    [np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)]
+)  # steps of finite differences, ball and racket, SI units
 FACTOR_STEP = 1e-4  # step of finite differences, logarithm of a factor
 SLOWEST = 0.5  # m/s, least approach speed of ball and racket; a slower contact is not used
 
@@ -157,11 +159,11 @@ class PhysicsLearner:
             ends = []
             for sign in (-1.0, 1.0):
                 change = np.zeros(16)
-                change[i] = sign * (STEPS[i] if i < 14 else FACTOR_STEP)
+                change[i] = sign * (DIFFERENCE_STEPS[i] if i < 14 else FACTOR_STEP)
                 ends.append(after(change[:14], change[14:]))
             if ends[0] is None or ends[1] is None:
                 return None
-            columns.append((ends[1] - ends[0]) / (2.0 * (STEPS[i] if i < 14 else FACTOR_STEP)))
+            columns.append((ends[1] - ends[0]) / (2.0 * (DIFFERENCE_STEPS[i] if i < 14 else FACTOR_STEP)))
         jacobian = np.array(columns).T
         spread = np.zeros((16, 16))
         spread[:9, :9] = ball.covariance

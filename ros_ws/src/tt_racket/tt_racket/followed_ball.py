@@ -9,7 +9,7 @@ from tt_core.states import BallPath, ReturnGoal
 
 from .goal import GoalParams, default_goal
 
-SETTLED = 0.1  # s after the first path of a ball, after which its default goal is kept: the first estimates of the spin are rough
+GOAL_SETTLING_TIME = 0.1  # s after the first path of a ball, after which its goal is kept: the first estimates of the spin are rough
 UNSURE = 0.02  # s by which a bounce may happen before the time that the previous path predicted
 
 
@@ -30,7 +30,7 @@ class FollowedBall:
     def follow(self, path: BallPath, params: GoalParams, asked: ReturnGoal | None = None) -> ReturnGoal:
         """Take the next predicted path, update `bounced`, and return the goal of the ball's return.
 
-        The default goal may change with the estimated spin during the first SETTLED seconds of a ball, and is then kept.
+        The default goal may change with the estimated spin during the first GOAL_SETTLING_TIME seconds of a ball, and is then kept.
 
         Args:
             path: Predicted flight from a newer state of the same ball, or of another ball.
@@ -43,6 +43,6 @@ class FollowedBall:
         if path.bounces:
             self._bounce = path.bounces[0].time
         self.bounced = not path.bounces and start > self._bounce - UNSURE
-        if self._goal is None or start < self._first + SETTLED:
+        if self._goal is None or start < self._first + GOAL_SETTLING_TIME:
             self._goal = default_goal(path.spins[0], params)
         return asked or self._goal

@@ -21,9 +21,9 @@ from tt_core.states import BallState, ReturnGoal
 
 from .stroke import Stroke, solve
 
-HALVINGS = 5  # of the last step of a search
+AMOUNT_HALVINGS = 5  # of the last step of a search
 SHORTEST_FLIGHT, LONGEST_FLIGHT = 0.1, 3.0  # s, flight times that are tried
-DIRECTIONS = 8  # in which other landings are tried
+LANDING_DIRECTIONS = 8  # in which other landings are tried
 
 
 class GoalPart(Flag):
@@ -171,7 +171,7 @@ def _lines(part: GoalPart, ball: BallState, base: Array, params: RelaxationParam
         amounts = list(np.arange(1, round(params.time_most / params.time_step) + 1) * params.time_step)
         return [_Line(part, base, np.array([0.0, 0.0, sign, 0.0, 0.0]), 1.0, amounts) for sign in (-1.0, 1.0)]
     amounts = list(np.arange(1, round(params.place_most / params.place_step) + 1) * params.place_step)
-    angles = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
+    angles = np.arange(LANDING_DIRECTIONS) * 2.0 * math.pi / LANDING_DIRECTIONS
     return [_Line(part, base, np.array([math.cos(a), math.sin(a), 0.0, 0.0, 0.0]), 1.0, amounts) for a in angles]
 
 
@@ -183,7 +183,7 @@ def _nearest(line: _Line, i: int, ball: BallState, physics: Physics, racket_spee
     if stroke.racket is None:
         return None
     low, best = (line.amounts[i - 1] if i else 0.0), (line.amounts[i], goal, stroke)
-    for _ in range(HALVINGS):
+    for _ in range(AMOUNT_HALVINGS):
         middle = 0.5 * (low + best[0])
         nearer = _goal_at(line, middle)
         if nearer and (stroke := solve(ball, nearer, physics, racket_speed=racket_speed)).racket:

@@ -32,7 +32,7 @@ ROW = 2 * SAMPLES  # columns of the table of ray times, which holds them twice, 
 ZERO, HALF, ONE, TWO = (np.float32(x) for x in (0.0, 0.5, 1.0, 2.0))  # a plain number would make all double
 GOLDEN = (np.outer([0.7548776662466927, 0.5698402909980532], np.arange(1, SAMPLES + 1)) % 1.0).astype(np.float32)  # sub-pixel places
 LEVELS = 1 << 16
-NORMAL = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)  # a normal draw for each of as many even ones, up to 4.3 sigma
+NORMAL_DRAWS = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)  # a normal draw for each of as many even ones, up to 4.3 sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -525,7 +525,7 @@ def _expose(image: np.ndarray, clear: np.ndarray, draws: np.ndarray, full_scale:
     """Add shot and read noise as one normal draw, apply gamma, and round; image, clear and draws have one length."""
     shot, floor, most = np.float32(1.0 / full_scale), np.float32((read / full_scale) ** 2), np.float32(top)
     for i in range(len(clear)):
-        clear[i] += NORMAL[draws[i]] * math.sqrt(max(ZERO, clear[i]) * shot + floor)
+        clear[i] += NORMAL_DRAWS[draws[i]] * math.sqrt(max(ZERO, clear[i]) * shot + floor)
     if gamma != 1.0:
         for i in range(len(clear)):
             clear[i] = max(ZERO, clear[i]) ** np.float32(1.0 / gamma)

@@ -25,7 +25,7 @@ from .world.outcome import Outcome
 from .world.plant import Plant
 from .world_file import WorldParams
 
-PAUSE = 0.25  # s, least time between two reports about the drives
+DRIVE_REPORT_INTERVAL = 0.25  # s, least time between two reports about the drives
 HOLD = 0.005  # s between two checks whether simulated time continues
 RECORD = 1.0  # s between two reports about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
@@ -199,7 +199,7 @@ class SimLoop:
         # while this process was held up, commands could not arrive: their age says nothing, and no joint state is published
         is_late = self._pace.late(due, now) > timeout
         command = drive.command(now, self._params.tick, robot.joints.qdot, -1.0 if is_late else timeout)
-        if drive.braking != self._is_braking and now - self._drive_reported >= PAUSE:
+        if drive.braking != self._is_braking and now - self._drive_reported >= DRIVE_REPORT_INTERVAL:
             self._is_braking, self._drive_reported = drive.braking, now
             outputs.report_drive(drive.braking)
         before = robot.joints

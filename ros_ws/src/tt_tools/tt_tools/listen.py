@@ -22,10 +22,10 @@ from .errors import GraphError
 from .graph import appears, discover
 from .message_text import TextOptions, to_csv, to_yaml
 from .packages import interface
-from .qos import ALL, QosWords
+from .qos import KEEP_ALL, QosWords
 
 REPORT = 1.0  # s between two reports
-WAIT = 0.05  # s between two checks for a topic
+TOPIC_CHECK_INTERVAL = 0.05  # s between two checks for a topic
 
 
 class _Listener(Node):
@@ -53,7 +53,7 @@ class _Listener(Node):
         if not kinds:
             print(f"WARNING: topic [{topic}] does not appear to be published yet", flush=True)
             while wait and not kinds:
-                time.sleep(WAIT)
+                time.sleep(TOPIC_CHECK_INTERVAL)
                 kinds = self._kinds(name)
         if not kinds:
             raise GraphError("Could not determine the type for the passed topic")
@@ -61,7 +61,7 @@ class _Listener(Node):
             raise GraphError(f"Cannot echo topic '{topic}', as it contains more than one type: [{', '.join(kinds)}]")
         self.kind = interface(kinds[0])
         offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
-        profile = qos.profile(offered) if qos else compatible(ALL, offered)
+        profile = qos.profile(offered) if qos else compatible(KEEP_ALL, offered)
         self.create_subscription(self.kind, name, on_data, profile, raw=True)
         _warn_of_mismatch(topic, profile, self.get_publishers_info_by_topic(name))
 
@@ -101,7 +101,7 @@ class EchoOptions(NamedTuple):
     timeout: float | None = None
 
 
-def part(message: Any, field: str) -> Any:
+def message_part(message: Any, field: str) -> Any:
     """Return a part of a message.
 
     Args:
@@ -139,8 +139,8 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
         if options.raw:
             print(data, end="\n---\n", flush=True)
         else:
-            shown = part(listeners[0].message(data), options.field)
-            if options.filter and not evaluate(options.filter, shown):
+            shown = message_part(listeners[0].message(data), options.field)
+            if options.filter and not evaluate_expression(options.filter, shown):
                 return
             print(text(shown), end="" if options.csv else "---\n", flush=True)
         if options.once:
@@ -160,7 +160,7 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
     _run(make)
 
 
-def evaluate(expression: str, message: Any) -> Any:
+def evaluate_expression(expression: str, message: Any) -> Any:
     """Return the value of a Python expression in which `m` is the message. Raises TtError if the evaluation fails."""
     try:
         return eval(expression, {}, {"m": message})  # the expression comes from the user's own command line
@@ -212,7 +212,7 @@ def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> 
         print(f"average rate: {rate:.3f}\n{_spread_line(gaps, len(times) - 1)}", flush=True)
 
     def take(data: bytes) -> None:
-        if not filter or evaluate(filter, listeners[0].message(data)):
+        if not filter or evaluate_expression(filter, listeners[0].message(data)):
             times.append(_now(listeners[0], wall))
 
     listeners = list[_Listener]()

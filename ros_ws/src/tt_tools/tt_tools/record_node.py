@@ -38,14 +38,14 @@ from tt_core.ros.qos import compatible
 from .bagfile import RESERVE, SplitRule
 from .node_parameters import ParameterCollector
 from .packages import NotFound, interface
-from .qos import ALL
+from .qos import KEEP_ALL
 from .record import QUEUE, Recording, State
 from .reindex import compress
 from .sequence_gaps import SequenceGaps
 
-POLL = 0.1  # s between two checks for new topics, which is the default of rosbag2, and between two checks of the disk
+TOPIC_CHECK_INTERVAL = 0.1  # s between two checks for new topics, which is the default of rosbag2, and between two checks of the disk
 TAKE = 0.005  # s between two looks for messages
-TELL = 1.0  # s between two status messages while messages are lost
+LOSS_REPORT_INTERVAL = 1.0  # s between two status messages while messages are lost
 
 
 class _Topic(NamedTuple):
@@ -152,7 +152,7 @@ class RecordNode(Node):
         self._status = Status(self)
         self._topics: dict[str, _Topic] = {}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(POLL, self._look, clock=steady)
+        self.create_timer(TOPIC_CHECK_INTERVAL, self._look, clock=steady)
         self.create_timer(TAKE, self._take, clock=steady)
         # the bag is made last, so that an error before it leaves no bag behind
         self._recording = Recording(
@@ -195,7 +195,7 @@ class RecordNode(Node):
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
         changed = code_name(state.trouble) != code_name(self._told.trouble)
         losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
-        if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + TELL):
+        if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + LOSS_REPORT_INTERVAL):
             return
         if changed and state.trouble:
             self.get_logger().error(f"{state.trouble}; what cannot be recorded is dropped and counted")
@@ -216,7 +216,7 @@ class RecordNode(Node):
             return
         check_for_type_support(message)
         with self.handle:
-            handle = rclpy_implementation.Subscription(self.handle, message, name, compatible(ALL, offered).get_c_qos_profile())
+            handle = rclpy_implementation.Subscription(self.handle, message, name, compatible(KEEP_ALL, offered).get_c_qos_profile())
         publishers = lambda: frozenset(bytes(info.endpoint_gid) for info in self.get_publishers_info_by_topic(name))  # noqa: E731
         self._topics[name] = _Topic(handle, message, SequenceGaps(publishers))
 
@@ -225,7 +225,7 @@ class RecordNode(Node):
         batch = []
         for name, topic in self._topics.items():
             with topic.handle:
-                for _ in range(ALL.depth):
+                for _ in range(KEEP_ALL.depth):
                     if not (taken := topic.handle.take_message(topic.message, True)):
                         break
                     data, info = taken

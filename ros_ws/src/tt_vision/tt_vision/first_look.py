@@ -29,13 +29,13 @@ from .motion_fit import VAGUE_OUTLINE, BallMotion, fit_motion, fit_motion_to_out
 from .projection import ray, unpack_camera
 from .spin.coarse_search import DENSE_TURN
 from .spin.estimate import SpinReason
-from .spin.registration import DEFAULT, Proposal, Registration, SearchParams, propose, register
+from .spin.registration import DEFAULT_SEARCH, Proposal, Registration, SearchParams, propose, register
 from .spin.soft_surface import SoftSurface, cut_out_halved, halved_views, soft_surface
 from .spin.surface_map import BORDER, VIEW, divide_light, motion_views, pixel_normals, view_middles
 
 SEARCHED = 3  # number of frames with which the spin is searched before the burst is complete; the result is confirmed with all frames
 GROWTH = 1.1  # factor by which the ball may grow in the image from the first frame on before all frames are cut out again
-MOST_SHIFT = 1.0  # pixels between the circle in one image and the fitted motion above which the ball is cut out again
+MOST_CIRCLE_SHIFT = 1.0  # pixels between the circle in one image and the fitted motion above which the ball is cut out again
 LEAST_CONTRAST = (
     0.004  # variance of the brightness (white is 1) below which the ball has no marks: without marks it reaches 0.0005, with 2 % 0.006
 )
@@ -97,7 +97,7 @@ class FirstLook:
     def __init__(
         self,
         cameras: Sequence[Camera],
-        search: SearchParams = DEFAULT,
+        search: SearchParams = DEFAULT_SEARCH,
         lamps: CalibratedLamps | None = None,
         executor: Executor | None = None,
     ) -> None:
@@ -166,7 +166,7 @@ class FirstLook:
         if isinstance(motion, Failure):
             return FirstEstimate(None, None, None, None, motion)
         views = motion_views(motion, burst)
-        if np.abs(view_middles(views) - circles[..., :2].reshape(-1, 2)).max() > MOST_SHIFT:
+        if np.abs(view_middles(views) - circles[..., :2].reshape(-1, 2)).max() > MOST_CIRCLE_SHIFT:
             self._cut_out_again(views)
         elif self._light is None:
             self._light_up()
@@ -276,7 +276,7 @@ class FirstLook:
 
 
 def look_at(
-    burst: Burst, search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None, executor: Executor | None = None
+    burst: Burst, search: SearchParams = DEFAULT_SEARCH, lamps: CalibratedLamps | None = None, executor: Executor | None = None
 ) -> FirstLook:
     """Create a `FirstLook` and add all frames of a complete burst to it.
 

@@ -33,7 +33,7 @@ from .spin.distance_refinement import refine_distance
 from .spin.estimate import SpinEstimate, SpinReason, estimate_from
 from .spin.limb_refinement import limb_outlines
 from .spin.registration import (
-    DEFAULT,
+    DEFAULT_SEARCH,
     ROUGH_STEP,
     Registration,
     SearchParams,
@@ -47,9 +47,9 @@ from .spin.soft_surface import softened
 from .spin.surface_map import SurfaceMap, cut_surface
 
 AIR = Aerodynamics.measured()
-HOPELESS = 0.2  # residual above which refined outlines do not help; a ball half in the dark whose position is 1.6 mm off has 0.12
+UNREFINABLE_RESIDUAL = 0.2  # above which refined outlines do not help; a ball half in the dark whose position is 1.6 mm off has 0.12
 DISSERTATION = {"liu": method_2, "correlation": method_1}
-METHODS = ("registration", *DISSERTATION)
+SPIN_METHODS = ("registration", *DISSERTATION)
 
 
 class MeasurementReason(Enum):
@@ -114,7 +114,7 @@ def measure(
     *,
     air: Aerodynamics = AIR,
     lamps: CalibratedLamps | None = None,
-    search: SearchParams = DEFAULT,
+    search: SearchParams = DEFAULT_SEARCH,
 ) -> Measurement:
     """Measure position, velocity and spin of the ball from the images of two cameras, or of one.
 
@@ -164,7 +164,7 @@ def measure_burst(
     *,
     air: Aerodynamics = AIR,
     lamps: CalibratedLamps | None = None,
-    search: SearchParams = DEFAULT,
+    search: SearchParams = DEFAULT_SEARCH,
     first: FirstEstimate | None = None,
 ) -> Measurement:
     """Measure position, velocity and spin of the ball from a burst (the images of one ball's passage through the cameras).
@@ -213,7 +213,7 @@ def estimate_spin(
     *,
     method: str = "registration",
     lamps: CalibratedLamps | None = None,
-    search: SearchParams = DEFAULT,
+    search: SearchParams = DEFAULT_SEARCH,
 ) -> SpinEstimate:
     """Estimate the spin of the ball from images in which the whole ball is visible.
 
@@ -244,7 +244,7 @@ def estimate_spin(
     if method in DISSERTATION:
         return SpinEstimate.without_covariance(*DISSERTATION[method](burst))
     if method != "registration":
-        raise BadChoice("method", method, METHODS)
+        raise BadChoice("method", method, SPIN_METHODS)
     found = _spin(burst, look_at(burst, search, lamps).estimate(burst), search)
     return found.spin or SpinEstimate.refused(found.reason)  # type: ignore[arg-type]
 
@@ -271,7 +271,7 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
         return _Estimate(motion, None if motion is None else SpinEstimate.refused(reason), reason)
     surface, cameras, is_refined = cut_surface(burst, motion, light), len(burst.cameras), False
     shown = 4.0 * soft.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64)  # pixels of the full resolution
-    if search.second_look and not found.agrees and found.residual < HOPELESS:
+    if search.second_look and not found.agrees and found.residual < UNREFINABLE_RESIDUAL:
         refined = _refine(burst, motion, surface, register_marks(soft, found, search), shown, search)
         if not isinstance(refined, Failure):
             motion, surface, found = refined

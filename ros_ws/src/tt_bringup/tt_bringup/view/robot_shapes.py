@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from tt_arm.arm_urdf.urdf import RACKET
+from tt_arm.arm_urdf.urdf import RACKET_LINK
 from tt_core.arrays import Array
 from tt_core.errors import TtError
 
@@ -81,7 +81,7 @@ def _visual(robot: ET.Element, link: ET.Element, index: int, visual: ET.Element)
     origin = visual.find("origin")
     position = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
     rotation = pin.rpy.rpyToMatrix(*_numbers(origin, "rpy", (0.0, 0.0, 0.0)))
-    colour = _colour(robot, visual) or (RED if link.get("name") == RACKET else GREY)
+    colour = _colour(robot, visual) or (RED if link.get("name") == RACKET_LINK else GREY)
     shape, size, mesh = _geometry(name, visual.find("geometry"))
     return Item(name, shape, colour, size, position, rotation, mesh=mesh)
 

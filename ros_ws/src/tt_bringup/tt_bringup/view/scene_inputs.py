@@ -30,7 +30,7 @@ from tt_core.ros.refusals import Refusals
 from tt_core.states import Array
 
 from .robot_shapes import RobotShapes
-from .scene import Joints, Scene, warm
+from .scene import DrawnScene, ShownJoints, warm
 
 LARGEST_URDF, LARGEST_DIAGNOSTICS = 2**22, 2**18  # bytes, largest message of each kind that is read
 
@@ -61,7 +61,7 @@ class SceneInputs:
             also: Called with each message on /diagnostics, too.
         """
         self._node, self._urdf, self._also = node, ArmModel.pa10().placed_description, also
-        self.scene = Scene(RobotShapes(self._urdf), physics)
+        self.scene = DrawnScene(RobotShapes(self._urdf), physics)
         self.refused = Refusals(status, "message")
         warm(physics)
         refused, trajectory = self.refused, MultiDOFJointTrajectory
@@ -97,7 +97,7 @@ class SceneInputs:
                 return
             stamp, q, qdot = state
             speeds = {} if qdot is None else dict(zip(names, qdot.tolist(), strict=True))
-            self.scene.take_joints(stamp, Joints(dict(zip(names, q.tolist(), strict=True)), speeds), self.now())
+            self.scene.take_joints(stamp, ShownJoints(dict(zip(names, q.tolist(), strict=True)), speeds), self.now())
         except TtError as error:
             self.refused(error)
 

@@ -31,7 +31,7 @@ from .params import changed_parameters
 from .presence import Presence
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
-ENDING = 2.0  # s that a process may take to end after its node was closed or could not be made
+EXIT_TIMEOUT = 2.0  # s that a process may take to end after its node was closed or could not be made
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
@@ -65,7 +65,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         raise SystemExit(2) from None
     node = _made(make)
     if node is None:
-        end_by_signal(signal.SIGTERM, ENDING)
+        end_by_signal(signal.SIGTERM, EXIT_TIMEOUT)
         gc.collect()  # what there is of the node goes, with the threads of its participant
         rclpy.try_shutdown()
         raise SystemExit(2)
@@ -87,7 +87,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     except Exception as error:
         crashes.append(error)
     finally:
-        end_by_signal(received[0] if received else signal.SIGTERM, ENDING)
+        end_by_signal(received[0] if received else signal.SIGTERM, EXIT_TIMEOUT)
         rclpy.try_shutdown()
         _join_threads()
         _tell_crashes(node, crashes)

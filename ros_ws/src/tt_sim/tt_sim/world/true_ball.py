@@ -29,9 +29,9 @@ NET_RESTITUTION = 0.1  # share of the speed towards the net that the ball keeps,
 NET_DRAG = 0.1  # share of the speed along the net and of the spin that the ball loses, an assumption
 LEAST_CONTACT = 1e-3  # m: a ball that is a point cannot touch a disc
 SMALL_STEP = 1e-3  # s, near a body: a ball moves less than its radius
-HALVINGS = 36  # number of times that SMALL_STEP is halved in the search for a contact, to 1.5e-14 s
+CONTACT_HALVINGS = 36  # number of times that SMALL_STEP is halved in the search for a contact, to 1.5e-14 s
 LYING = 0.03  # m/s: a ball that meets the table more slowly does not bounce any more
-MOST_CONTACTS = 64  # in one call; a ball with as many is taken as lying
+MOST_CONTACTS_PER_CALL = 64  # in one call; a ball with as many is taken as lying
 
 CONTACT_LOG = np.dtype(
     [
@@ -149,7 +149,7 @@ def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Sc
     low, high = 0.0, h
     if (rate > 0.0 and end_gap <= 0.0) or (rate <= 0.0 and end_gap > 0.0 and end_rate > 0.0):  # by way of the furthest or the nearest point
         a, b = 0.0, h
-        for _ in range(HALVINGS):
+        for _ in range(CONTACT_HALVINGS):
             middle = 0.5 * (a + b)
             grows = _approach(surface, ball, middle, now, scene, scratch).rate > 0.0
             if grows == (rate > 0.0):
@@ -164,7 +164,7 @@ def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Sc
                 return np.inf
     elif end_gap > 0.0:
         return np.inf
-    for _ in range(HALVINGS):
+    for _ in range(CONTACT_HALVINGS):
         middle = 0.5 * (low + high)
         if _approach(surface, ball, middle, now, scene, scratch).gap.distance <= 0.0:
             high = middle
@@ -321,7 +321,7 @@ class World:
         check_range("contact_height of the true world", physics.contact_height, LEAST_CONTACT, 0.1)
         self.ball: BallState | None = None
         self._models = Coefficients.of(physics, racket_radius)
-        self._log = np.empty(MOST_CONTACTS, dtype=CONTACT_LOG)
+        self._log = np.empty(MOST_CONTACTS_PER_CALL, dtype=CONTACT_LOG)
 
     def advance(self, until: float, rackets: Sequence[RacketMotion] | Array, tick: float) -> list[Contact]:
         """Let the ball fly until a given time. A ball that comes to lie is removed.

@@ -25,7 +25,7 @@ from tt_core.tangents import (
     LIFT,
     PARAMETERS,
     REST,
-    Scratch,
+    TangentScratch,
     acceleration_jacobian,
     advance,
     air_with_factors,
@@ -38,9 +38,11 @@ from tt_core.tangents import (
 from .window_fit import add_noise, invert
 
 DOUBT = 4.0  # standard deviations of the time of a bounce; within this of the bounce it is not certain whether the ball has bounced
-LITTLE = 1e-3  # share of the variance of the acceleration before any measurement that is added to its variance after the fit
+LEAST_VARIANCE_SHARE = 1e-3  # share of the variance of the acceleration before any measurement that is added to its variance after the fit
 CORNER = math.sqrt(2.0)  # standard deviations from the mean to each of the 16 points (+-CORNER in four coordinates) of a cubature rule
-SIDES = math.sqrt(3.0)  # standard deviations from the mean to the outer points of the three-point Gauss-Hermite rule, each of weight 1/6
+OUTER_SIGMAS = math.sqrt(
+    3.0
+)  # standard deviations from the mean to the outer points of the three-point Gauss-Hermite rule, each of weight 1/6
 
 
 @njit(cache=True)
@@ -63,7 +65,7 @@ def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoeffici
     rebound_table(middle[:3], middle[3:], models.table)
     low, high = np.empty(6), np.empty(6)
     for k in range(6):
-        point = SIDES * math.sqrt(max(0.0, values[k])) * axes[:, k] * scale
+        point = OUTER_SIGMAS * math.sqrt(max(0.0, values[k])) * axes[:, k] * scale
         low[:], high[:] = before[VX:] - point, before[VX:] + point
         rebound_table(low[:3], low[3:], models.table)
         rebound_table(high[:3], high[3:], models.table)
@@ -73,7 +75,14 @@ def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoeffici
 
 @njit(cache=True)
 def _unbounced_or_bounced(
-    state: Array, before: Array, since: float, sigma: float, spread: Array, models: PhysicsCoefficients, space: Scratch, other_spread: Array
+    state: Array,
+    before: Array,
+    since: float,
+    sigma: float,
+    spread: Array,
+    models: PhysicsCoefficients,
+    space: TangentScratch,
+    other_spread: Array,
 ) -> float:
     """Compute the other possible state of a ball close to a bounce: not bounced yet instead of bounced, or the other way round.
 
@@ -113,7 +122,7 @@ def _unbounced_or_bounced(
 
 
 @njit(cache=True)
-def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoefficients, space: Scratch) -> None:
+def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoefficients, space: TangentScratch) -> None:
     """Correct the covariance for the acceleration by the spin, which is not linear in the spin.
 
     The part of the covariance that belongs to the uncertainty of the spin and of the lift is replaced by that of 16 points. The position
@@ -143,7 +152,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
                 unseen[r, c] += jacobian[r, 3 + k] * jacobian[c, 3 + k] * broad[k] ** 2
         unseen[r, r] += 1e-6
         seen[r, r] += 1e-9
-    gain = across @ invert(seen + LITTLE * unseen)
+    gain = across @ invert(seen + LEAST_VARIANCE_SHARE * unseen)
     values, axes = np.linalg.eigh(np.ascontiguousarray(covariance[WX : WX + 3, WX : WX + 3]))
     columns = np.zeros((4, PARAMETERS))
     rest = covariance.copy()

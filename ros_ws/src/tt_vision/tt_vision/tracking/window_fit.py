@@ -22,20 +22,20 @@ from numba import njit
 from tt_core.arrays import VX, WX, Array, X
 from tt_core.interpolate import hermite_weights
 from tt_core.physics import physics_coefficients
-from tt_core.tangents import PARAMETERS, Scratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
+from tt_core.tangents import PARAMETERS, TangentScratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
 
 from ..projection import CameraModel, rotate, unpack_camera
-from .history import CAPACITY, POSITION, Measurements
+from .history import CAPACITY, MEASURED_POSITION, Measurements
 
 MOST_PASSES = 12  # largest number of Gauss-Newton steps of one fit
-HALVINGS = 5  # how many lengths of a step are tried, each half of the one before, while it makes the fit worse
+STEP_HALVINGS = 5  # how many lengths of a step are tried, each half of the one before, while it makes the fit worse
 DONE = 1e-3  # squared length of a step in standard deviations, below which it is the last one
-BEHIND = 1e6  # whitened residual that is used for a ball behind a camera
+BEHIND_CAMERA = 1e6  # whitened residual that is used for a ball behind a camera
 FARTHEST_STEP = 30.0  # longest step, in standard deviations of the prior
 MEDIANS = np.array([1.0, 0.4549, 1.3863, 2.3660])  # medians of chi-square with 1, 2 and 3 degrees of freedom; the first number is not used
 LEAST_EXCESS = 2.0  # squared ratio of residuals to their standard deviations above which the given standard deviations are enlarged
 MOST_EXCESS = 100.0  # the same ratio above which they are not enlarged, because the measurements belong to another flight
-ROUNDS = 4  # largest number of rounds of fitting and of choosing the measurements that are used
+MOST_ROUNDS = 4  # largest number of rounds of fitting and of choosing the measurements that are used
 VARIANCE_STEPS = 3  # steps of expectation and maximisation in each round
 
 
@@ -142,7 +142,7 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
         space: `residuals[i]` and `rows[i]` are filled.
     """
     rows, residual, root, value = space.rows[i], space.residuals[i], seen.roots[i], seen.values[i]
-    if seen.cameras[i] == POSITION:
+    if seen.cameras[i] == MEASURED_POSITION:
         for r in range(3):
             residual[r] = 0.0
             for k in range(r + 1):
@@ -156,7 +156,7 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
     u, v = _predict_pixel(unpack_camera(cameras[side]), place, slopes)
     if math.isnan(u):
         rows[:] = 0.0
-        residual[0], residual[1], residual[2] = BEHIND, 0.0, 0.0
+        residual[0], residual[1], residual[2] = BEHIND_CAMERA, 0.0, 0.0
         return
     weight, biased = root[0, 0], len(unknowns) > PARAMETERS
     bias = PARAMETERS + 2 * side
@@ -174,7 +174,9 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
 
 
 @njit(cache=True)
-def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array, physics: Array, space: Workspace, air: Scratch) -> bool:
+def _linearise(
+    start: float, unknowns: Array, seen: Measurements, cameras: Array, physics: Array, space: Workspace, air: TangentScratch
+) -> bool:
     """Predict all measurements from the unknowns, and compute their residuals and derivatives.
 
     Args:
@@ -245,7 +247,7 @@ def _accumulate(unknowns: Array, prior: Prior, seen: Measurements, excess: float
     for i in range(len(seen.times)):
         if not seen.used[i]:
             continue
-        for m in range(3 if seen.cameras[i] == POSITION else 2):
+        for m in range(3 if seen.cameras[i] == MEASURED_POSITION else 2):
             row, residual = space.rows[i, m], space.residuals[i, m]
             cost += weight * residual * residual
             for r in range(n):
@@ -293,8 +295,8 @@ def _admit(seen: Measurements, gates: Array, excess: float, covariance: Array, s
     """Mark those unused measurements as used that agree with the prediction; return whether there are any."""
     admitted = False
     for i in range(len(seen.times)):
-        if not seen.used[i] and abs(space.residuals[i, 0]) < BEHIND:
-            size = 3 if seen.cameras[i] == POSITION else 2
+        if not seen.used[i] and abs(space.residuals[i, 0]) < BEHIND_CAMERA:
+            size = 3 if seen.cameras[i] == MEASURED_POSITION else 2
             if _distance(i, size, excess, covariance, space) < gates[size]:
                 seen.used[i] = True
                 admitted = True
@@ -308,7 +310,7 @@ def _expel(seen: Measurements, gates: Array, excess: float, space: Workspace) ->
     for i in range(len(seen.times)):
         if seen.used[i]:
             r = space.residuals[i]
-            if r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > excess * gates[3 if seen.cameras[i] == POSITION else 2]:
+            if r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > excess * gates[3 if seen.cameras[i] == MEASURED_POSITION else 2]:
                 seen.used[i] = False
                 expelled = True
     return expelled
@@ -326,7 +328,7 @@ def _excess(seen: Measurements, space: Workspace) -> float:
     ratios = np.empty(n)
     for i in range(n):
         r = space.residuals[i]
-        ratios[i] = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / MEDIANS[3 if seen.cameras[i] == POSITION else 2]
+        ratios[i] = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / MEDIANS[3 if seen.cameras[i] == MEASURED_POSITION else 2]
     found = float(np.median(ratios))
     return found if LEAST_EXCESS < found < MOST_EXCESS else 1.0
 
@@ -363,7 +365,7 @@ def _move(unknowns: Array, delta: Array, count: int, space: Workspace) -> None:
 
 @njit(cache=True)
 def _converge(
-    unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, excess: float, space: Workspace, air: Scratch
+    unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, excess: float, space: Workspace, air: TangentScratch
 ) -> bool:
     """Minimise the cost over the unknowns by Gauss-Newton steps, with the choice of used measurements as it is.
 
@@ -393,7 +395,7 @@ def _converge(
         far = float(delta @ prior.information @ delta)
         share = 1.0 if far < FARTHEST_STEP**2 else FARTHEST_STEP / math.sqrt(far)
         here = unknowns.copy()
-        for _ in range(HALVINGS):
+        for _ in range(STEP_HALVINGS):
             unknowns[:] = here + share * delta
             if _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
                 new = _accumulate(unknowns, prior, seen, excess, space)
@@ -414,7 +416,7 @@ def _converge(
 
 
 @njit(cache=True)
-def fit(
+def fit_window(
     unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, gates: Array, space: Workspace, excess: float
 ) -> float:
     """Fit the unknowns to the measurements in the window, and choose which measurements are used.
@@ -440,7 +442,7 @@ def fit(
         return math.nan
     _admit(seen, gates, excess, space.covariance, space)
     learns = prior.spin_shape[0, 0] > 0.0
-    for k in range(ROUNDS):
+    for k in range(MOST_ROUNDS):
         if learns:
             _learn_spin_variance(unknowns, prior, seen, excess, space)
         if not _converge(unknowns, prior, seen, cameras, physics, excess, space, air):
@@ -452,7 +454,7 @@ def fit(
             space.normal[WX : WX + 3, WX : WX + 3] += prior.spin_shape / prior.spin_variance - prior.information[WX : WX + 3, WX : WX + 3]
         space.covariance[:] = invert(space.normal)
         changed = _expel(seen, gates, excess, space)
-        if k < ROUNDS - 1 and not changed:
+        if k < MOST_ROUNDS - 1 and not changed:
             changed = _admit(seen, gates, excess, space.covariance, space)
         if not changed and not different:
             break
