@@ -50,7 +50,7 @@ def foreign(folder: Path) -> dict[str, str]:
     for name, (path, tip) in FOREIGN.items():
         urdf = Path(given) / path if given else next(Path(str(file.locate())) for file in installed if file.as_posix().endswith(path))
         arm, out = ArmFile(urdf=str(urdf.resolve()), tip=tip), folder / name
-        tried = search_placements(SearchTask(arm.urdf, arm, count=CANDIDATES), out / "search.jsonl", told=print)
+        tried = search_placements(SearchTask(arm.urdf, arm, count=CANDIDATES), out / "search.jsonl", report=print)
         write_folder(out, arm, urdf.resolve(), max(tried, key=lambda one: one.value(0.5)))
         found[name] = str(out)
     return found

@@ -19,7 +19,7 @@ from tt_eval.experiments import catapult, rotation
 from tt_eval.synthetic_bursts import bursts, calibrated_lamps
 from tt_sim.render import Lamps
 from tt_vision.detection.ball_detection import detect_balls, find_ball
-from tt_vision.first_look import FirstLook
+from tt_vision.first_estimate import FirstEstimator
 from tt_vision.measure import first_measurement, measure, measure_burst
 from tt_vision.rig import high_speed_pair
 from tt_vision.spin import SearchParams, estimate_spin
@@ -79,7 +79,7 @@ class FirstTally(Tally):
         seen = detect_balls(burst.burst)
         frames = list(zip(burst.times.tolist(), zip(*burst.images, strict=True), zip(*seen.detections, strict=True), strict=True))
         start = time.thread_time()
-        look = FirstLook(burst.cameras)
+        look = FirstEstimator(burst.cameras)
         for frame in frames[:-1]:
             look.add(*frame)
         last = time.thread_time()

@@ -91,14 +91,14 @@ def test_damage_latches_once_it_lasts_until_reset(code, name):
     n, at_rest = len(arm.names), functools.partial(at, arm=arm)
     guard = warmed(arm)
     for k in range(5):  # less than 10 ms
-        guard.look(Joints(k * TICK, broken.q, broken.qdot))
+        guard.check_state(Joints(k * TICK, broken.q, broken.qdot))
     assert guard.latched is None
-    guard.look(at_rest(5 * TICK))
+    guard.check_state(at_rest(5 * TICK))
     for k in range(6, 13):
         assert guard.latched is None
-        guard.look(Joints(k * TICK, broken.q, broken.qdot))
+        guard.check_state(Joints(k * TICK, broken.q, broken.qdot))
     assert guard.latched.code is code
-    guard.look(at_rest(12 * TICK))
+    guard.check_state(at_rest(12 * TICK))
     allowed, reason = guard.check(at_rest(12 * TICK), np.full(n, 0.01), 12 * TICK)
     assert np.all(allowed == 0.0)
     assert reason is guard.latched

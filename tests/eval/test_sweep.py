@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from refusals import check_named
 from tt_eval import rallies
-from tt_eval.evaluate import JUDGE, Sweep, judge_errors, returns
+from tt_eval.evaluate import SCORING_ERRORS, Sweep, returns, scoring_errors
 from tt_eval.evaluate import main as evaluate
 from tt_eval.scenario import load
 from tt_eval.sweep import NoScheduler, OtherSweep, simulate_balls, sweep
@@ -139,7 +139,7 @@ def test_what_the_judge_gets_wrong_is_told(whole, tmp_path):
     pq.write_table(whole, run)
     sweep = Sweep.read(run)
     off = sweep.numbers["judged_landing_x"] - sweep.numbers["landing_x"]
-    errors = dict(zip(JUDGE, judge_errors(sweep), strict=True))
+    errors = dict(zip(SCORING_ERRORS, scoring_errors(sweep), strict=True))
     assert errors["landing x, mm"] == f"{1e3 * off.mean():+.2f} ± {1e3 * off.std():.2f}"
     assert np.abs(off).max() < 2e-3  # m; 1 mm at most in 200 balls on the day
     assert errors["miss told otherwise, balls"] == "0"

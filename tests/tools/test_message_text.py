@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 from tt_tools import packages
 from tt_tools.errors import GraphError
 from tt_tools.interface_text import definition, nested_type
-from tt_tools.listen import bandwidth, message_part, spread
+from tt_tools.listen import bandwidth, message_part, statistics
 from tt_tools.message_text import FieldError, TextOptions, message_from_values, to_csv, to_plain, to_yaml, values_of
 from tt_tools.node_parameters import parameter_file_text
 
@@ -111,7 +111,7 @@ def test_a_part_of_a_message_is_named_by_its_path():
 
 
 def test_figures_of_a_topic():
-    assert spread([1.0, 3.0]) == (2.0, 1.0, 3.0, 1.0)
+    assert statistics([1.0, 3.0]) == (2.0, 1.0, 3.0, 1.0)
     assert bandwidth([(0.0, 100), (1.0, 300)], 2.0) == "200 B/s from 2 messages\n\tMessage size mean: 200 B min: 100 B max: 300 B"
     assert bandwidth([(0.0, 2e6), (1.0, 2e6)], 2.0).startswith("2.00 MB/s from 2 messages\n")
 

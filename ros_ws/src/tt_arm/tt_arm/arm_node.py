@@ -164,7 +164,7 @@ class ArmNode(Node):
         self.create_service(Trigger, "arm/stop", self.on_stop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH, self.on_watch, clock=steady)
-        self.create_timer(PUBLISHER_CHECK_INTERVAL, self.on_look, clock=steady)
+        self.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_other_publishers, clock=steady)
         self.control.enable(params.enabled)
         threading.Thread(target=self.plan, name="planning", daemon=True).start()
 
@@ -261,7 +261,7 @@ class ArmNode(Node):
                 if not self.ending:
                     failure = Failure(ArmStop.PLANNING_FAILED, error=f"{type(error).__name__}: {error}")
                     self.get_logger().error(str(failure), throttle_duration_sec=1.0)
-                    self.tell_no_swing(seconds(message.header.stamp), failure)
+                    self.report_no_swing(seconds(message.header.stamp), failure)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
         """Plan a swing for the candidate strokes of a message, and publish it, or the reasons why there is none.
@@ -271,7 +271,7 @@ class ArmNode(Node):
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.tell_no_swing(stamp, failure)
+            self.report_no_swing(stamp, failure)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         self.frame_time = stamp  # set before the plan: the servo thread may begin the swing before `take` returns
@@ -297,7 +297,7 @@ class ArmNode(Node):
         self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
         self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(SWING_POINT_INTERVAL)))
 
-    def tell_no_swing(self, stamp: float, failure: Failure) -> None:
+    def report_no_swing(self, stamp: float, failure: Failure) -> None:
         """Publish why strokes that rest on a frame of `stamp` (s) are not tried."""
         self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
 
@@ -327,7 +327,7 @@ class ArmNode(Node):
         response.success, response.message = True, str(Failure(ArmStop.STOPPED))
         return response
 
-    def on_look(self) -> None:
+    def check_other_publishers(self) -> None:
         """Stop the arm while another node publishes commands or joint states, and find the clock with the largest offset.
 
         A timer calls it every PUBLISHER_CHECK_INTERVAL seconds.

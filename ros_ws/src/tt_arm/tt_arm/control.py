@@ -250,7 +250,7 @@ class ArmControl:
             self._forget()
         self.joints = joints = accepted
         age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
-        damage = self.guard.look(joints, self.states.gap)
+        damage = self.guard.check_state(joints, self.states.gap)
         stopped = self.stopped_by or damage or self._paused(now)
         if stopped is not None:
             self._forget()

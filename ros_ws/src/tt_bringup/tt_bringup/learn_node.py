@@ -132,11 +132,11 @@ class LearnNode(Node):
                 return
             self.joints.append(Joints(state[0], state[1], state[2]))
             while self.joints and not 0.0 <= self.joints[-1].time - self.joints[0].time < LAG:
-                self.look(self.joints.popleft())
+                self.process_joints(self.joints.popleft())
         except TtError as error:
             self.refused["joint state"](error)
 
-    def look(self, joints: Joints) -> None:
+    def process_joints(self, joints: Joints) -> None:
         """Process a joint state: check whether the racket has met the ball, use the pixels up to its time, check whether the ball is over.
 
         The contact is looked for first, because the tracker must not get pixels of the returned ball before the contact is known.

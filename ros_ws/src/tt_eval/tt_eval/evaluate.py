@@ -31,7 +31,14 @@ RETURNS = (
     "balls", "hit, %", "on the table, %", "landing off, cm: median", "landing off, cm: 95 %", "flight time off, ms: median",
     "flight time off, ms: 95 %", "spin off, rad/s: median", "spin off, rad/s: 95 %", "missed because",
 )  # fmt: skip
-JUDGE = ("landing x, mm", "landing y, mm", "flight time, ms", "spin about y, rad/s", "spin about z, rad/s", "miss told otherwise, balls")
+SCORING_ERRORS = (
+    "landing x, mm",
+    "landing y, mm",
+    "flight time, ms",
+    "spin about y, rad/s",
+    "spin about z, rad/s",
+    "miss told otherwise, balls",
+)
 ROBOT = (
     "measured, %", "measured spin off, rpm: median", "measured spin off, rpm: 95 %", "its speed within 200 rpm, %",
     "its axis within 15 deg, %", "arm waits again after, s: 95 %",
@@ -109,8 +116,8 @@ def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str =
     return [str(len(misses)), *cells, ", ".join(f"{miss} {n}" for miss, n in why(misses).items()) or "none"]
 
 
-def judge_errors(sweep: Sweep) -> list[str]:
-    """Return a column of the table of the judge's errors: the cells for the rows JUDGE.
+def scoring_errors(sweep: Sweep) -> list[str]:
+    """Return a column of the table of the judge's errors: the cells for the rows SCORING_ERRORS.
 
     The judge is the evaluation by the wide cameras. Its errors are judged minus true values, given as mean and standard deviation over the
     balls that were returned in both.
@@ -139,7 +146,9 @@ def sweep_tables(sweeps: Sequence[Sweep]) -> list[Table]:
     names = ("", *(sweep.name for sweep in sweeps))
     return [
         Table(("", *heads), list(zip(RETURNS, *cells, strict=True)), "Returns: the truth, and as judged by two wide cameras"),
-        Table(names, list(zip(JUDGE, *map(judge_errors, sweeps), strict=True)), "The judge's own error: mean ± standard deviation"),
+        Table(
+            names, list(zip(SCORING_ERRORS, *map(scoring_errors, sweeps), strict=True)), "The judge's own error: mean ± standard deviation"
+        ),
         Table(names, list(zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)), "Measurement and arm"),
     ]
 
@@ -192,7 +201,7 @@ def causes(numbers: dict[str, Array]) -> list[go.Figure]:
     ]
 
 
-def judged_off(numbers: dict[str, Array]) -> list[go.Figure]:
+def scoring_error_figures(numbers: dict[str, Array]) -> list[go.Figure]:
     """Return figures of the errors of the evaluation by the wide cameras, ball by ball: landing place, flight time, spin."""
     off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
     begin = "The judge's own error: judged minus true "
@@ -277,7 +286,7 @@ def sweep_page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
     sections = [Section("", tables=sweep_tables(sweeps))]
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
-        figures = [scatter(shown), *causes(shown), *judged_off(shown)] if landed else causes(shown)
+        figures = [scatter(shown), *causes(shown), *scoring_error_figures(shown)] if landed else causes(shown)
         dots = f"Dots are the first {SHOWN} of {len(s.misses)} balls." if len(s.misses) > SHOWN else ""
         sections.append(Section(f"Sweep of {s.name}", text=[dots] if dots else (), figures=[*figures, reasons(s.misses, s.judged)]))
     if ball is not None:

@@ -180,13 +180,13 @@ class _Fit:
         weights: (m,) weights of all coordinates, such that each flight has the same weight.
     """
 
-    def __init__(self, flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None]) -> None:
+    def __init__(self, flights: Sequence[Flight], physics: Physics, names: Sequence[str], report: Callable[[int, float], None]) -> None:
         self.flights, self.physics, self.names = flights, physics, names
         self.groups = sorted({flight.group for flight in flights if flight.spin is None})
         self.scale = np.array([max(LEAST_SCALE, abs(coefficient(physics, name))) for name in names] + [SPIN_UNIT] * len(self.groups))
         self.weights = np.concatenate([np.full(3 * len(f.times), 1.0 / np.sqrt(len(f.times))) for f in flights])
         self._starts: list[Array | None] = [None] * len(flights)
-        self._trials, self._tell = 0, tell
+        self._trials, self._report = 0, report
 
     def misses(self, physics: Physics, topspins: Array) -> list[Array]:
         """Return predicted minus recorded coordinates in m for each flight, after its start was fitted.
@@ -229,7 +229,7 @@ class _Fit:
         values, count = unknowns * self.scale, len(self.names)
         misses = np.concatenate(self.misses(with_coefficients(self.physics, self.names, values[:count]), values[count:]))
         self._trials += 1
-        self._tell(self._trials, float(np.sqrt(3.0 * np.mean(misses**2))))
+        self._report(self._trials, float(np.sqrt(3.0 * np.mean(misses**2))))
         return self.weights * misses
 
     def rms(self, residuals: Array) -> float:
@@ -251,7 +251,7 @@ class _Fit:
 
 
 def identify(
-    flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None] = lambda trial, rms: None
+    flights: Sequence[Flight], physics: Physics, names: Sequence[str], report: Callable[[int, float], None] = lambda trial, rms: None
 ) -> Identified:
     """Fit coefficients of air and table to recorded flights.
 
@@ -261,7 +261,7 @@ def identify(
         flights: Recorded flights.
         physics: Models from which the fit starts.
         names: Names of the coefficients to fit, for example "air.drag". If it is empty, only the unmeasured spins are fitted.
-        tell: Callback for progress. It gets the number of each trial and its root mean square distance in m.
+        report: Callback for progress. It gets the number of each trial and its root mean square distance in m.
 
     Returns:
         The identified coefficients with their confidence intervals.
@@ -274,7 +274,7 @@ def identify(
         raise NoFlights
     if not any(name.startswith("table.") for name in names):
         flights = [up_to_landing(flight) for flight in flights]
-    fit = _Fit(flights, physics, names, tell)
+    fit = _Fit(flights, physics, names, report)
     first = fit.first()
     before = fit.residuals(first)
     if len(first) == 0:

@@ -124,7 +124,7 @@ def identify_landings(
     wanted = np.column_stack([seen[:, :2], durations])
     first = np.array([coefficient(physics, name) for name in names])
     shares = np.array([LANDING_SPREADS.get(name, OTHER_SPREAD) for name in names])
-    spreads = shares * np.maximum(np.abs(first), LEAST_SCALE)
+    prior_sigmas = shares * np.maximum(np.abs(first), LEAST_SCALE)
     low, high = np.array([RANGES[name] for name in names]).reshape(-1, 2).T
 
     def misses(values: Array) -> Array:
@@ -141,15 +141,15 @@ def identify_landings(
         scale = np.maximum(1.4826 * np.median(np.abs(off), axis=0), LEAST_MISS)
 
         def residuals(x: Array, scale: Array = scale) -> Array:
-            return np.concatenate([(misses(x) / scale).ravel(), (x - first) / spreads])
+            return np.concatenate([(misses(x) / scale).ravel(), (x - first) / prior_sigmas])
 
-        found = least_squares(residuals, values, bounds=(low, high), x_scale=spreads, loss="soft_l1", diff_step=1e-4, xtol=1e-8)
+        found = least_squares(residuals, values, bounds=(low, high), x_scale=prior_sigmas, loss="soft_l1", diff_step=1e-4, xtol=1e-8)
         values, off = found.x, misses(found.x)
     half = np.zeros(0)
     if len(first):
         rows, r = found.jac[: -len(first)].reshape(count, 3, -1), found.fun[: -len(first)].reshape(count, 3)
         bread = np.linalg.pinv(found.jac.T @ found.jac)
         scores = np.einsum("nkp,nk->np", rows, r * (1.0 + r * r) ** 0.25)  # `jac` is scaled for the loss: these are the gradient
-        prior = np.diag((1.0 / spreads) ** 2)
+        prior = np.diag((1.0 / prior_sigmas) ** 2)
         half = 1.96 * np.sqrt(np.diag(bread @ (scores.T @ scores + prior) @ bread))
     return Identification(with_coefficients(physics, names, values), tuple(names), values, half, (before, distance(off)))

@@ -165,12 +165,12 @@ class PhysicsLearner:
                 return None
             columns.append((ends[1] - ends[0]) / (2.0 * (DIFFERENCE_STEPS[i] if i < 14 else FACTOR_STEP)))
         jacobian = np.array(columns).T
-        spread = np.zeros((16, 16))
-        spread[:9, :9] = ball.covariance
-        spread[9:12, 9:12] = np.eye(3) * self.params.racket_velocity**2
-        spread[12:14, 12:14] = np.eye(2) * self.params.racket_angle**2
-        spread[14:, 14:] = self._covariance[OF_RUBBER, OF_RUBBER] + np.diag(self._ball[OF_RUBBER] ** 2)
-        return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ spread @ jacobian.T), jacobian[:, 14:])
+        inputs = np.zeros((16, 16))
+        inputs[:9, :9] = ball.covariance
+        inputs[9:12, 9:12] = np.eye(3) * self.params.racket_velocity**2
+        inputs[12:14, 12:14] = np.eye(2) * self.params.racket_angle**2
+        inputs[14:, 14:] = self._covariance[OF_RUBBER, OF_RUBBER] + np.diag(self._ball[OF_RUBBER] ** 2)
+        return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ inputs @ jacobian.T), jacobian[:, 14:])
 
     def add_return(self, expected: ExpectedReturn, seen: BallState) -> bool:
         """Learn the factors of the rubber from a return.
@@ -206,8 +206,8 @@ class PhysicsLearner:
         """
         step, gained = gain @ change, gain @ (before - after) @ gain.T
         expected = np.diag(gained)
-        told = expected > 1e-4 * self._session**2  # of the others nothing is learnt
-        if (step[told] ** 2 > self.params.gate * expected[told]).any():
+        informative = expected > 1e-4 * self._session**2  # of the others nothing is learnt
+        if (step[informative] ** 2 > self.params.gate * expected[informative]).any():
             return False
         covariance = self._covariance - gained + np.diag((self.params.drift * self._session) ** 2)
         values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))

@@ -125,7 +125,7 @@ class SimLoop:
             if frame_due <= tick_due:
                 self._publish_frame()
             else:
-                self._tell_time(tick_due)
+                self._publish_clock(tick_due)
                 self._launch(tick_due)
                 self._tick(tick_due)
 
@@ -171,7 +171,7 @@ class SimLoop:
         for side, stamp, message in self._frames.pop():
             self._outputs.publish_image(side, stamp, message)
 
-    def _tell_time(self, now: float) -> None:
+    def _publish_clock(self, now: float) -> None:
         if now >= self._clock_due:
             self._outputs.publish_clock(now)
             self._clock_due = now + 1.0 / self._params.clock_rate

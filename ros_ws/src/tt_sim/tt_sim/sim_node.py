@@ -206,11 +206,11 @@ class SimNode(Node):
         if sole != self.drive.sole:
             self.drive.sole = sole
             failure = None if sole else Failure(SimFailure.SECOND_PUBLISHER, count=len(names), names=", ".join(sorted(names)))
-            self.tell("commands obeyed: one publisher", failure)
+            self.publish_state("commands obeyed: one publisher", failure)
             if failure is not None:
                 self.status.terminal.warn(failure.code, **failure.values)
 
-    def tell(self, state: str, failure: Failure | None, part: str = "", **values: Any) -> None:
+    def publish_state(self, state: str, failure: Failure | None, part: str = "", **values: Any) -> None:
         """Publish a state of the arm or its commands, or what is wrong with it."""
         code = code_name(failure)
         self.status.publish(str(failure or state), part=part, warn=failure is not None, reason=failure, code=code, **values)
@@ -326,12 +326,12 @@ class SimNode(Node):
 
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""
-        self.tell("follows commands", Failure(SimFailure.NO_COMMAND) if is_braking else None, "drive")
+        self.publish_state("follows commands", Failure(SimFailure.NO_COMMAND) if is_braking else None, "drive")
         self.status.terminal.info(SimFailure.NO_COMMAND if is_braking else SimLine.FOLLOWS)
 
     def report_record(self, record: ArmRecord) -> None:
         """Report the worst that the true arm did."""
-        self.tell("bounds kept", None if record.kept else Failure(SimFailure.BOUND_BROKEN), "arm record", **record.to_text())
+        self.publish_state("bounds kept", None if record.kept else Failure(SimFailure.BOUND_BROKEN), "arm record", **record.to_text())
 
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
         """Report the result of a ball. `busy` is cleared first, because a node that receives the report may request a launch at once."""

@@ -270,15 +270,15 @@ class System:
         failed: Exit codes of the processes that failed, by name.
     """
 
-    def __init__(self, processes: Sequence[Process], tell: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
+    def __init__(self, processes: Sequence[Process], write_line: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
         """Keep the processes, without starting them.
 
         Args:
             processes: What the context will start.
-            tell: Called with each line of output.
+            write_line: Called with each line of output.
         """
         self.failed: dict[str, int] = {}
-        self._processes, self._tell = processes, tell
+        self._processes, self._write_line = processes, write_line
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, str] = {}  # last line of output of each process, by name
@@ -296,11 +296,11 @@ class System:
         command = (*END_WITH_PARENT, *process.command)
         child = subprocess.Popen(command, env=environment, start_new_session=True, text=True, errors="replace", **pipes)
         self._running[child] = process
-        self._tell(f"[launch] {process.name} started, process {child.pid}")
+        self._write_line(f"[launch] {process.name} started, process {child.pid}")
 
         def pass_on() -> None:
             for line in child.stdout or ():
-                self._tell(f"[{process.name}] {line.rstrip()}")
+                self._write_line(f"[{process.name}] {line.rstrip()}")
                 if line.strip():
                     self._last_lines[process.name] = line.strip()
 
@@ -336,7 +336,7 @@ class System:
     def _on_end(self, child: subprocess.Popen[str]) -> None:
         process = self._running.pop(child)
         self._signal(child, signal.SIGKILL)  # ends processes that it may have left in its group
-        self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
+        self._write_line(f"[launch] {process.name} ended, exit code {child.returncode}")
         if process.respawn and not (process.required or self._stopping) and self._restart(process, child.returncode):
             return
         interrupted = self._stopping and child.returncode > 0  # an interpreter that is still starting answers SIGINT with 1
@@ -350,7 +350,7 @@ class System:
         often = sum(now - at < WITHIN for at in times) >= RESTARTS
         if often or code == REFUSED:
             why = f"it ended {RESTARTS + 1} times within {WITHIN:g} s" if often else "it would refuse its parameters again"
-            self._tell(f"[launch] {process.name} is not started again: {why}; all end")
+            self._write_line(f"[launch] {process.name} is not started again: {why}; all end")
             self.failed[process.name], self._over = code, True
             return False
         if 0 <= process.respawn_max_retries <= len(times):
@@ -391,7 +391,7 @@ class System:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             for child, process in self._running.items():
                 if number is not signal.SIGINT:
-                    self._tell(f"[launch] {process.name} still runs: {number.name}")
+                    self._write_line(f"[launch] {process.name} still runs: {number.name}")
                 self._signal(child, number)
             end = time.monotonic() + SIGNAL_TIMEOUT
             while self._running and self._next(max(0.0, end - time.monotonic())):
@@ -399,10 +399,10 @@ class System:
         for reader in self._readers:
             reader.join(timeout=1.0)
 
-    def tell_failures(self) -> None:
+    def write_failures(self) -> None:
         """Pass on the exit code and the last line of output of each process that failed."""
         for name, code in self.failed.items():
-            self._tell(f"[launch] {name} failed, exit code {code}: {self._last_lines.get(name, 'it told nothing')}")
+            self._write_line(f"[launch] {name} failed, exit code {code}: {self._last_lines.get(name, 'it wrote nothing')}")
 
     def __enter__(self) -> System:
         try:
@@ -428,5 +428,5 @@ def run_processes(processes: Sequence[Process]) -> int:
         signal.signal(number, lambda *_: system.interrupt())
     with system:
         system.wait()
-    system.tell_failures()
+    system.write_failures()
     return 1 if system.failed else 0

@@ -133,7 +133,7 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
     """
     listeners: list[_Listener] = []
 
-    def tell(data: bytes) -> None:
+    def print_message(data: bytes) -> None:
         if not rclpy.ok():
             return
         if options.raw:
@@ -152,7 +152,7 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
         return to_csv(shown, options.text) + "\n" if options.csv else to_yaml(shown, options.text)
 
     def make() -> Node:
-        listeners.append(_Listener(topic, tell, kind=kind, qos=qos))
+        listeners.append(_Listener(topic, print_message, kind=kind, qos=qos))
         if options.timeout is not None:
             listeners[0].create_timer(options.timeout, rclpy.try_shutdown)
         return listeners[0]
@@ -176,7 +176,7 @@ def _run(make: Callable[[], Node]) -> None:
         raise SystemExit(bool(ended.code)) from None
 
 
-class Spread(NamedTuple):
+class Statistics(NamedTuple):
     """Mean, smallest value, largest value and standard deviation of some values, in their unit."""
 
     mean: float
@@ -185,10 +185,10 @@ class Spread(NamedTuple):
     deviation: float
 
 
-def spread(values: Sequence[float]) -> Spread:
+def statistics(values: Sequence[float]) -> Statistics:
     """Return mean, smallest and largest value and standard deviation of at least one value."""
     mean = sum(values) / len(values)
-    return Spread(mean, min(values), max(values), math.sqrt(sum((value - mean) ** 2 for value in values) / len(values)))
+    return Statistics(mean, min(values), max(values), math.sqrt(sum((value - mean) ** 2 for value in values) / len(values)))
 
 
 def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> None:
@@ -207,9 +207,9 @@ def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> 
         if len(times) < 2 or now - times[-1] > REPORT:
             print("no new messages", flush=True)
             return
-        gaps = spread([later - earlier for earlier, later in zip(times, list(times)[1:], strict=False)])
+        gaps = statistics([later - earlier for earlier, later in zip(times, list(times)[1:], strict=False)])
         rate = 1.0 / gaps.mean if gaps.mean > 0.0 else 0.0
-        print(f"average rate: {rate:.3f}\n{_spread_line(gaps, len(times) - 1)}", flush=True)
+        print(f"average rate: {rate:.3f}\n{_statistics_line(gaps, len(times) - 1)}", flush=True)
 
     def take(data: bytes) -> None:
         if not filter or evaluate_expression(filter, listeners[0].message(data)):
@@ -240,8 +240,8 @@ def print_delay(topic: str, window: int) -> None:
         if not new[0]:
             print("no new messages", flush=True)
             return
-        new[0], late = 0, spread(delays)
-        print(f"average delay: {late.mean:.3f}\n{_spread_line(late, len(delays))}", flush=True)
+        new[0], late = 0, statistics(delays)
+        print(f"average delay: {late.mean:.3f}\n{_statistics_line(late, len(delays))}", flush=True)
 
     listeners = list[_Listener]()
     _report(topic, take, report, listeners)
@@ -270,11 +270,11 @@ def bandwidth(sizes: Collection[tuple[float, int]], now: float) -> str:
     total = [size for _, size in sizes]
     per_second = sum(total) / (now - first)
     unit, digits, name = (1.0, 0, "B") if per_second < 1e3 else (1e3, 2, "KB") if per_second < 1e6 else (1e6, 2, "MB")
-    rate, mean, least, largest = (f"{value / unit:.{digits}f} {name}" for value in (per_second, *spread(total)[:3]))
+    rate, mean, least, largest = (f"{value / unit:.{digits}f} {name}" for value in (per_second, *statistics(total)[:3]))
     return f"{rate}/s from {len(total)} messages\n\tMessage size mean: {mean} min: {least} max: {largest}"
 
 
-def _spread_line(of: Spread, window: int) -> str:
+def _statistics_line(of: Statistics, window: int) -> str:
     return f"\tmin: {of.least:.3f}s max: {of.largest:.3f}s std dev: {of.deviation:.5f}s window: {window}"
 
 

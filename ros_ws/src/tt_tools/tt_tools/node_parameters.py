@@ -38,7 +38,7 @@ class ParameterCollector:
     """Asks each node of the graph for its parameters once, when the node has been discovered."""
 
     def __init__(self, node: Node, take: Callable[[str, dict[str, Any], str], None]) -> None:
-        """Keep the node and the callback. Requests are sent by `look`.
+        """Keep the node and the callback. Requests are sent by `check`.
 
         Args:
             node: Node that sends the requests. Its executor runs the callbacks of the answers.
@@ -49,7 +49,7 @@ class ParameterCollector:
         self._waiting: dict[str, tuple[Any, Any]] = {}  # service clients of the nodes that were not asked yet, by node name
         self._seen: set[str] = set()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Find new nodes, and send requests to those whose parameter services are ready. To be called periodically."""
         for name, _ in self._node.get_service_names_and_types():
             owner = name.removesuffix(LIST_SERVICE)

@@ -147,7 +147,7 @@ class RecordNode(Node):
         topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))
         self.params = replace(params, topics=topics, exclude_topics=excluded)
         self._seen: set[str] = set()
-        self._told, self._when = State(None, 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
+        self._published, self._when = State(None, 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
         self.failed = False
         self._status = Status(self)
         self._topics: dict[str, _Topic] = {}
@@ -177,7 +177,7 @@ class RecordNode(Node):
                 self._seen.add(name)
                 self._subscribe(name, kinds[0], offered)
         if self._collector is not None:
-            self._collector.look()
+            self._collector.check()
 
     def _on_parameters(self, node: str, values: dict[str, Any], text: str) -> None:
         """Attach the parameters of a node to the bag, and the URDF of the arm that its parameter `robot` names."""
@@ -193,8 +193,8 @@ class RecordNode(Node):
 
     def _report(self, state: State) -> None:
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
-        changed = code_name(state.trouble) != code_name(self._told.trouble)
-        losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
+        changed = code_name(state.trouble) != code_name(self._published.trouble)
+        losing = (state.dropped, state.missed) != (self._published.dropped, self._published.missed)
         if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + LOSS_REPORT_INTERVAL):
             return
         if changed and state.trouble:
@@ -205,7 +205,7 @@ class RecordNode(Node):
         losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
         text, is_wrong = str(state.trouble or "recording"), state.trouble is not None or losing
         self._status.publish(text, warn=is_wrong, reason=state.trouble, code=code_name(state.trouble), **counts, **losses)
-        self._told, self._when = state, time.monotonic()
+        self._published, self._when = state, time.monotonic()
 
     def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:
         try:

@@ -3,10 +3,10 @@
 A burst holds the images of one ball's passage through the high speed cameras (about six pairs). "Marks" are the printed or drawn dots on
 the ball. The measurement has these stages, each of them a function that takes the result of the one before; all are called in this module:
 
-    Burst -> detect_balls, whole_balls -> FirstLook -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
+    Burst -> detect_balls, whole_balls -> FirstEstimator -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
     -> refine_distance (of a single camera) -> estimate_from
 
-`FirstLook` makes the first estimate from images at half the resolution. The stages after it work at the full resolution.
+`FirstEstimator` makes the first estimate from images at half the resolution. The stages after it work at the full resolution.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .camera import Camera
 from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst
 from .detection.ball_detection import DetectionReason, detect_balls, first_reason, whole_balls
 from .detection.illumination import CalibratedLamps
-from .first_look import FirstEstimate, look_at
+from .first_estimate import FirstEstimate, estimator_of
 from .motion_fit import BallMotion, MotionReason, motion_doubt, refit_motion
 from .spin.dissertation import method_1, method_2
 from .spin.distance_refinement import refine_distance
@@ -245,13 +245,13 @@ def estimate_spin(
         return SpinEstimate.without_covariance(*DISSERTATION[method](burst))
     if method != "registration":
         raise BadChoice("method", method, SPIN_METHODS)
-    found = _spin(burst, look_at(burst, search, lamps).estimate(burst), search)
+    found = _spin(burst, estimator_of(burst, search, lamps).estimate(burst), search)
     return found.spin or SpinEstimate.refused(found.reason)  # type: ignore[arg-type]
 
 
 def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams, first: FirstEstimate | None = None) -> _Estimate:
     """Estimate motion and spin from a burst with detections, in which every image shows the whole ball; `first`: its first estimate."""
-    first = first or look_at(burst, search, lamps).estimate(burst)
+    first = first or estimator_of(burst, search, lamps).estimate(burst)
     if first.motion is not None and (doubt := motion_doubt(first.motion)):
         return _Estimate(first.motion, None, doubt)
     found = _spin(burst, first, search)

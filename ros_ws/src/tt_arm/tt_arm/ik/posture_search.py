@@ -2,8 +2,8 @@
 
 Position and normal of the racket's face are five conditions, so an arm with n joints has n - 5 freedoms. The search uses the atlas of the
 arm: many precomputed postures within its limits, with the position and normal of the face in each. Newton's method changes those postures
-whose face is nearest to the wanted one until they have the wanted face ("settles" them). The search then takes the postures with the lowest
-cost and refines them along the freedoms: it makes a step in the null space of the five conditions and settles the posture again.
+whose face is nearest to the wanted one until they have the wanted face. The search then takes the postures with the lowest
+cost and refines them along the freedoms: it makes a step in the null space of the five conditions and applies the method again.
 """
 
 from __future__ import annotations
@@ -187,8 +187,8 @@ class Search(NamedTuple):
 
 
 @njit(cache=True)
-def _settled_cost(search: Search, steps: int, bound: float, q: Array, qdot: Array) -> float:
-    """Settle q (n,) in place by Newton's method, fill the joint speeds qdot (n,), and return the cost; see `cost_of_joints`."""
+def _converged_cost(search: Search, steps: int, bound: float, q: Array, qdot: Array) -> float:
+    """Change q (n,) in place by Newton's method, fill the joint speeds qdot (n,), and return the cost; see `cost_of_joints`."""
     joints, bounds = search.task.joints, search.atlas.bounds
     if not converge_within_limits(search.target, bounds, steps, search.chain, q, search.scratch.rows, search.newton):
         return math.inf
@@ -245,7 +245,7 @@ def _descend(search: Search, cost: float, best: float, q: Array, qdot: Array) ->
                 continue
             for i in range(n):
                 trial[i] = min(search.task.joints[i].high, max(search.task.joints[i].low, trial[i]))
-            now = _settled_cost(search, REFINE_STEPS, cost, trial, trial_qdot)
+            now = _converged_cost(search, REFINE_STEPS, cost, trial, trial_qdot)
             if now < cost:
                 cost, moved, fresh = now, True, False
                 q[:], qdot[:] = trial, trial_qdot
@@ -289,7 +289,7 @@ def search_postures(
     for m in range(count + 2):
         for i in range(n):
             found[m, i] = start[2 * m, i] if m < 2 else atlas.postures[i, seeds[m - 2]]
-        costs[m] = _settled_cost(here, SEED_STEPS, least + REFINED_EXCESS, found[m], speeds[m])
+        costs[m] = _converged_cost(here, SEED_STEPS, least + REFINED_EXCESS, found[m], speeds[m])
         least = min(least, costs[m])
     for _ in range(REFINED_POSTURES):
         m = int(np.argmin(costs))

@@ -356,7 +356,7 @@ def path_clearance(
     for i in range(n):
         rise += braking[i] * lever[i]
     time, last = 0.0, False
-    for look in range(MOST_CHECKS):
+    for check in range(MOST_CHECKS):
         last = time >= end
         evaluate_path(min(end, time), knots, coefficients, q, qdot, qddot)
         left, near = _clearance(q, bodies, at)
@@ -371,7 +371,7 @@ def path_clearance(
             braked, obstacle = _braking_clearance(q, qdot, braking, 0.0, bodies, at)
             if braked < left:
                 left, near = braked, obstacle
-            if hold > 0.0 and look % EVERY == 0:  # only a touch counts: a command is held only if the process fails
+            if hold > 0.0 and check % EVERY == 0:  # only a touch counts: a command is held only if the process fails
                 braked, obstacle = _braking_clearance(q, qdot, braking, hold, bodies, at)
                 if braked - HELD_CLEARANCE + enough < left:
                     left, near = braked - HELD_CLEARANCE + enough, obstacle

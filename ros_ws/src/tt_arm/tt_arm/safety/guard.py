@@ -145,7 +145,7 @@ class Guard:
         self._last, self._time = np.clip(qdot, -speed, speed), None
         self._sent.clear()
 
-    def look(self, joints: Joints, after_gap: bool = False) -> Failure | None:
+    def check_state(self, joints: Joints, after_gap: bool = False) -> Failure | None:
         """Check a joint state for damage: a position beyond its limit, overspeed or contact.
 
         Damage latches when successive joint states have shown it for `persistence` seconds. Damage that the first joint state after a gap

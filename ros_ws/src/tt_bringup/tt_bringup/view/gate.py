@@ -149,20 +149,20 @@ class Gate:
         with suppress(OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, asyncio.TimeoutError, TtError):
             head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_TIMEOUT)
             request = Request.parse(head)
-            answer = decide(request, self._token)
-            if answer is Decision.ADMIT:
+            decision = decide(request, self._token)
+            if decision is Decision.ADMIT:
                 self.watchers += request.is_websocket
                 try:
                     await self._pass_on(head, reader, writer)
                 finally:
                     self.watchers -= request.is_websocket
             else:
-                writer.write(self._response(answer))
+                writer.write(self._response(decision))
                 await writer.drain()
         writer.close()
 
-    def _response(self, answer: Decision) -> bytes:
-        if answer is Decision.REMEMBER:
+    def _response(self, decision: Decision) -> bytes:
+        if decision is Decision.REMEMBER:
             cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
             lines = ["HTTP/1.1 303 See Other", "Location: /", f"Set-Cookie: {cookie}"]
             text = ""

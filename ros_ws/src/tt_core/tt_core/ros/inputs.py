@@ -70,9 +70,9 @@ class Input:
         self.topic, self.publishers = node.resolve_topic_name(topic), 0
         self._asked = self._wanted
         self._subscription = self._subscribe()
-        node.create_timer(PUBLISHER_CHECK_INTERVAL, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def look(self) -> None:
+    def check_publishers(self) -> None:
         """Check which publishers the topic has, and subscribe again if they require another quality of service."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
         self.publishers = len(offered)

@@ -79,7 +79,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     threading.excepthook = on_thread_exception
     Presence(node)
     _set_realtime(priority, is_nice)
-    _tell_ready(node)
+    _log_ready(node)
     received = list[int]()
     try:
         with _signals(asked, received):
@@ -90,13 +90,13 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         end_by_signal(received[0] if received else signal.SIGTERM, EXIT_TIMEOUT)
         rclpy.try_shutdown()
         _join_threads()
-        _tell_crashes(node, crashes)
+        _print_crashes(node, crashes)
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
 
 
-def _tell_ready(node: Node) -> None:
+def _log_ready(node: Node) -> None:
     if node.get_name().startswith("_"):
         return
     package = type(node).__module__.partition(".")[0]
@@ -105,7 +105,7 @@ def _tell_ready(node: Node) -> None:
     node.get_logger().info(f"ready: {', '.join(parts)}")
 
 
-def _tell_crashes(node: Node, crashes: Sequence[BaseException]) -> None:
+def _print_crashes(node: Node, crashes: Sequence[BaseException]) -> None:
     for crash in crashes:
         node.get_logger().debug("".join(traceback.format_exception(crash)))
         frames = traceback.extract_tb(crash.__traceback__)

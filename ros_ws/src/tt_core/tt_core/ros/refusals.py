@@ -33,7 +33,7 @@ class Refusals:
             what: Name of the input, e.g. "image of left".
         """
         self._status, self._what = status, what
-        self.total, self._told, self._last = 0, 0, -math.inf
+        self.total, self._reported, self._last = 0, 0, -math.inf
 
     def __call__(self, error: TtError) -> None:
         """Count one refusal, and publish it unless the last report was less than REFUSAL_INTERVAL ago.
@@ -46,7 +46,7 @@ class Refusals:
         self.total += 1
         now = time.monotonic()
         if now >= self._last + REFUSAL_INTERVAL:
-            left_out, self._told, self._last = self.total - self._told - 1, self.total, now
+            left_out, self._reported, self._last = self.total - self._reported - 1, self.total, now
             text = f"{self._what} refused: {error}"
             self._status.publish(text, warn=True, reason=error.failure, total=self.total, left_out=left_out)
             self._status.terminal.warn(RefusalLine.REFUSED, what=self._what, error=error)

@@ -127,7 +127,7 @@ def base_figure(study: Study) -> go.Figure:
     return figure.update_layout(title="Bases that were tried: mean share of both kinds of balls")
 
 
-def trade_figure(study: Study) -> go.Figure:
+def pareto_figure(study: Study) -> go.Figure:
     """Return a figure of the placements: share of strokes in time for the catapult's balls against that for real play.
 
     The placements for which no other one is better in both are connected by a line.
@@ -168,7 +168,7 @@ def arm_summary(study: Study) -> list[str]:
 def study_page(study: Study) -> str:
     """Return the HTML page of a study."""
     text = [f"{len(study.candidates)} placements were tried. Shares of strokes in time are of the quick score, without flight and landing."]
-    wide = trade_figure(study).update_layout(meta=WHOLE_WIDTH)
+    wide = pareto_figure(study).update_layout(meta=WHOLE_WIDTH)
     return html_page(
         f"Would {study.name} play?",
         [

@@ -116,7 +116,7 @@ def scored_candidate(task: SearchTask, number: int, parent: Placement | None) ->
 
 
 def search_placements(
-    task: SearchTask, file: Path, workers: int | None = None, told: Callable[[str], None] | None = None
+    task: SearchTask, file: Path, workers: int | None = None, report: Callable[[str], None] | None = None
 ) -> list[Candidate]:
     """Score `task.count` candidates. Those that are in the file already are not scored again.
 
@@ -124,7 +124,7 @@ def search_placements(
         task: Parameters of the search.
         file: JSON file with a line for each candidate, after a line that identifies the arm.
         workers: Number of processes; None: one for each core.
-        told: Called with a line of progress now and then if there is no terminal for a bar.
+        report: Called with a line of progress now and then if there is no terminal for a bar.
 
     Returns:
         All candidates, those of the file first; the first one is the placement of the arm file.
@@ -160,8 +160,8 @@ def search_placements(
                 record.write(_line(done[-1]) + "\n")
                 record.flush()
                 bar.advance(row)
-                if told is not None and bar.disable and len(done) % max(1, task.count // 10) == 0:
-                    told(f"{len(done)} of {task.count} placements")
+                if report is not None and bar.disable and len(done) % max(1, task.count // 10) == 0:
+                    report(f"{len(done)} of {task.count} placements")
     return done
 
 

@@ -141,7 +141,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
     """
     count = int((outer - inner) / SAMPLE_STEP) + 1
     radius = 0.5 * (inner + outer)
-    spread = 0.41 * math.sqrt(2.0 * BLUR / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma BLUR
+    mean_root = 0.41 * math.sqrt(2.0 * BLUR / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma BLUR
     profile = np.empty(count + INSIDE_SAMPLES)
     points = np.zeros(RAYS, dtype=OUTLINE_POINT)
     found = 0
@@ -162,7 +162,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
             is_seen = inside.samples >= 4
             if not is_seen:
                 break
-            target = 0.5 * inside.level + spread * inside.slope
+            target = 0.5 * inside.level + mean_root * inside.slope
             i = max(1, first - 3)
             while i < len(profile) - 1 and profile[i] < target:
                 i += 1

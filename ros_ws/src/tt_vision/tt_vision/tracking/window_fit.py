@@ -283,11 +283,11 @@ def _distance(i: int, size: int, excess: float, covariance: Array, space: Worksp
         space: Holds its residual and derivatives.
     """
     rows = space.rows[i, :size].copy()
-    spread = rows @ covariance @ rows.T
+    expected = rows @ covariance @ rows.T
     for k in range(size):
-        spread[k, k] += excess
+        expected[k, k] += excess
     residual = space.residuals[i, :size].copy()
-    return float(residual @ np.linalg.solve(spread, residual))
+    return float(residual @ np.linalg.solve(expected, residual))
 
 
 @njit(cache=True)
@@ -340,8 +340,8 @@ def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, exce
     for _ in range(VARIANCE_STEPS):
         _accumulate(unknowns, prior, seen, excess, space)
         w = unknowns[spin] + _newton_step(space)[spin]
-        spread = np.ascontiguousarray(invert(space.normal)[spin, spin])
-        total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spread)
+        spin_covariance = np.ascontiguousarray(invert(space.normal)[spin, spin])
+        total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spin_covariance)
         variance = (total + prior.spin_weight * prior.spin_variance) / (3.0 + prior.spin_weight)
         prior.information[spin, spin] = prior.spin_shape / variance
 

@@ -91,7 +91,7 @@ class _Frame:
     weights: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
-class FirstLook:
+class FirstEstimator:
     """Takes the frames of one burst (the images of one ball's passage) as they arrive, and makes the first estimate of motion and spin."""
 
     def __init__(
@@ -275,10 +275,10 @@ class FirstLook:
         return out.reshape(-1, *first.shape[1:])
 
 
-def look_at(
+def estimator_of(
     burst: Burst, search: SearchParams = DEFAULT_SEARCH, lamps: CalibratedLamps | None = None, executor: Executor | None = None
-) -> FirstLook:
-    """Create a `FirstLook` and add all frames of a complete burst to it.
+) -> FirstEstimator:
+    """Create a `FirstEstimator` and add all frames of a complete burst to it.
 
     Args:
         burst: A burst (the images of one ball's passage) with cameras and detections; every image shows the whole ball.
@@ -286,10 +286,10 @@ def look_at(
         lamps: Calibrated lamps; None if the light is to be fitted to the images.
         executor: Runs the search for the spin while further frames are added; None if it is to run in between.
     """
-    look = FirstLook(burst.cameras, search, lamps, executor)
+    estimator = FirstEstimator(burst.cameras, search, lamps, executor)
     for k, time in enumerate(burst.times.tolist()):
-        look.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
-    return look
+        estimator.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
+    return estimator
 
 
 def _still_views(cameras: Sequence[Camera]) -> np.ndarray:
