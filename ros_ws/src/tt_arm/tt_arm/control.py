@@ -23,14 +23,14 @@ from tt_core.states import Array, RacketState
 from . import dissertation
 from .joints import Joints
 from .model import ArmModel
-from .reach import Reach, ReachParams, reach
+from .reach import ReachParams, reach
 from .safety.clearance import clearance
 from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
 from .stroke_correction import stroke_distance
-from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_sooner, select_stroke
+from .stroke_selection import PlannedStroke, Refusal, SelectionParams, StrokeSelection, select_sooner, select_stroke
 from .swing import Swing, SwingLimits, plan, strike
 from .trajectory.legs import make_leg
 from .trajectory.path import Path
@@ -169,7 +169,7 @@ class ArmControl:
         self.joints: Joints | None = None
         self.swing: Swing | None = None
         self.coming: Swing | None = None
-        self.stroke: tuple[RacketState, Reach] | None = None
+        self.stroke: PlannedStroke | None = None
         self.held: dict[str, Failure] = {}
         self._refusal: tuple[Failure | None, float] = None, -np.inf  # why a joint state was refused last, and when (s, monotonic)
         self._scale = 1.0
@@ -312,20 +312,24 @@ class ArmControl:
             return _refused(Failure(ArmStop.ARRIVING))
         if rackets and min(r.time for r in rackets) > joints.time + self.params.horizon:
             return _refused(Failure(ArmStop.FAR_AHEAD, ahead=rackets[0].time - joints.time, bound=self.params.horizon))
-        left = stroke[0].time - joints.time if stroke is not None else -np.inf
-        if stroke is not None and left < self.params.commit and any(abs(r.time - stroke[0].time) < self.params.same_ball for r in rackets):
+        left = stroke.racket.time - joints.time if stroke is not None else -np.inf
+        if (
+            stroke is not None
+            and left < self.params.commit
+            and any(abs(r.time - stroke.racket.time) < self.params.same_ball for r in rackets)
+        ):
             return _refused(Failure(ArmStop.SWING_COMMITTED, left=left, bound=self.params.commit))
         current = stroke if left > 0.0 else None
-        if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
+        if current is not None and any(abs(r.time - current.racket.time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
-            correction = min(stroke_distance(current[0], r) for r in rackets)
+            correction = min(stroke_distance(current.racket, r) for r in rackets)
             if correction < self.params.replan_distance:
                 return _refused(Failure(ArmStop.SWING_WILL_DO))
             if correction > self.params.largest_correction:
                 return _refused(Failure(ArmStop.CORRECTION_TOO_LARGE, distance=correction, bound=self.params.largest_correction))
         elif current is not None:  # another ball: what is on its way comes first
-            begin, current = current[0].time, None
+            begin, current = current.racket.time, None
         time = max(joints.time + self.params.ahead, begin)
         start = _path_at(time, swing, coming).joints(time)
         hurried = self._hurries(rackets)
@@ -341,7 +345,7 @@ class ArmControl:
         with self._lock:
             if stops != self._stops:
                 return False
-            self.coming, self.stroke, self._begin = selected.swing, (selected.racket, selected.reach), begin
+            self.coming, self.stroke, self._begin = selected.swing, PlannedStroke(selected.racket, selected.reach), begin
         return True
 
     def _sooner(
@@ -454,9 +458,13 @@ class ArmControl:
 
     def _paused(self, now: float) -> Failure | None:
         """Return why the arm rests for the time `pause`; None if it does not."""
-        if self._pause is not None and now >= self._pause[1]:
-            self._pause = None
-        return None if self._pause is None else self._pause[0]
+        if self._pause is None:
+            return None
+        failure, until = self._pause
+        if now < until:
+            return failure
+        self._pause = None
+        return None
 
     def _off_path(self, swing: Swing, joints: Joints) -> float:
         """Return the largest distance (rad) of a joint from its position on the swing."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 from tt_core.failures import Failure
 from tt_core.params import check, param
@@ -49,6 +50,13 @@ class SelectionFailure(Enum):
     """Codes of failures for candidate strokes that were not tried."""
 
     NOT_TRIED = "candidates {first} to {last}: not tried"
+
+
+class PlannedStroke(NamedTuple):
+    """Racket state of a stroke, and the posture with its joint speeds that makes it."""
+
+    racket: RacketState
+    reach: Reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +118,7 @@ def select_stroke(
     limits: SwingLimits,
     reaching: ReachParams,
     params: SelectionParams,
-    current: tuple[RacketState, Reach] | None = None,
+    current: PlannedStroke | None = None,
     hurried: bool = False,
 ) -> StrokeSelection:
     """Select the first candidate stroke that the arm can make from `start` in time and within its limits.
@@ -133,8 +141,8 @@ def select_stroke(
     """
     reasons: list[Refusal] = []
     if current is not None:
-        for change in corrections(rackets, current[0])[: params.corrections]:
-            for target in postures(model, change.racket, current[1], model.limits.reduced(speed=limits.speed_share)):
+        for change in corrections(rackets, current.racket)[: params.corrections]:
+            for target in postures(model, change.racket, current.reach, model.limits.reduced(speed=limits.speed_share)):
                 planned = strike(model, start, target, change.racket.time, limits)
                 if planned.swing is not None:
                     return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons))

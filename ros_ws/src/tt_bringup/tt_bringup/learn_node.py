@@ -128,9 +128,12 @@ class LearnNode(Node):
         """Queue a joint state, and process those that are LAG s old, as all pixels of their time have arrived by now."""
         try:
             state = joints_from_message(message, self.joint_names)
-            if state is None or state[2] is None:
+            if state is None:
                 return
-            self.joints.append(Joints(state[0], state[1], state[2]))
+            stamp, q, qdot = state
+            if qdot is None:
+                return
+            self.joints.append(Joints(stamp, q, qdot))
             while self.joints and not 0.0 <= self.joints[-1].time - self.joints[0].time < LAG:
                 self.process_joints(self.joints.popleft())
         except TtError as error:

@@ -91,7 +91,7 @@ class Vision:
         measured = None if burst is None else self.measure(burst)
         if measured is None:
             return None
-        result = measured[1]
+        _, result = measured
         if result.ball is None or result.reason is not None:
             self.refused[_code(result.reason)] += 1
             return None

@@ -27,6 +27,7 @@ from .table_contacts import meets_surface, over_table
 
 PARAMETERS = 14
 DRAG, LIFT, RESTITUTION, FRICTION, GRIP = range(9, PARAMETERS)  # logarithms of factors, after the state
+BY_DRAG, BY_LIFT = 6, 7  # columns of `acceleration_jacobian` after those of velocity and spin
 LEAST_SPIN = 5.0  # rad/s: for less spin, the derivatives of h (3.3), which jumps at zero spin, are those at this spin
 SUNK = 0.05  # m below the contact; a falling ball over the table that is less deep should have bounced just before
 REST = 0.05  # m/s: a slower ball does not bounce any more
@@ -134,8 +135,8 @@ def acceleration_jacobian(
         dratio = -part / (air.ratio_offset + ratio)
     drag = air.drag + air.drag_h * h
     c0, c1, c2 = w1 * v2 - w2 * v1, w2 * v0 - w0 * v2, w0 * v1 - w1 * v0
-    out[0, 6], out[1, 6], out[2, 6] = -drag * speed * v0, -drag * speed * v1, -drag * speed * v2
-    out[0, 7], out[1, 7], out[2, 7] = lift * c0, lift * c1, lift * c2
+    out[0, BY_DRAG], out[1, BY_DRAG], out[2, BY_DRAG] = -drag * speed * v0, -drag * speed * v1, -drag * speed * v2
+    out[0, BY_LIFT], out[1, BY_LIFT], out[2, BY_LIFT] = lift * c0, lift * c1, lift * c2
     h_scale = 0.0
     if air.drag_h != 0.0 or air.lift_h != 0.0:
         bounded = max(norm, LEAST_SPIN * speed)
@@ -208,8 +209,8 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
                     jv0 * stage[0, c] + jv1 * stage[1, c] + jv2 * stage[2, c] + jw0 * spin[0, c] + jw1 * spin[1, c] + jw2 * spin[2, c]
                 )
                 position[r, c] += b * stage[r, c]
-            stages[i, r, DRAG] += jacobian[r, 6]
-            stages[i, r, LIFT] += jacobian[r, 7]
+            stages[i, r, DRAG] += jacobian[r, BY_DRAG]
+            stages[i, r, LIFT] += jacobian[r, BY_LIFT]
         dp0 += b * s0
         dp1 += b * s1
         dp2 += b * s2

@@ -24,12 +24,13 @@ from tt_arm.reach import ReachFailure
 from tt_arm.stroke_selection import SelectionParams, StrokeSelection
 from tt_arm.swing import Swing, SwingFailure, SwingLimits
 from tt_arm.swing import plan as plan_swing
+from tt_core.arrays import VZ, Array, Y, Z
 from tt_core.constants import TABLE_WIDTH
 from tt_core.failures import Failure
 from tt_core.flight import fly
 from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
-from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
+from tt_core.states import BallPath, BallState, RacketState, ReturnGoal
 from tt_predict.learning import PhysicsLearner
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
@@ -246,9 +247,9 @@ class Episode:
         if landing is None:
             return Miss.LONG
         row, air = landing.before.vector, self.trial.physics.air.coefficients
-        while row[2] < self.trial.physics.contact_height and row[5] < 0.0:
+        while row[Z] < self.trial.physics.contact_height and row[VZ] < 0.0:
             row = fly(row, -0.002, air)
-        return Miss.LONG if 0.0 <= row[1] <= TABLE_WIDTH else Miss.WIDE
+        return Miss.LONG if 0.0 <= row[Y] <= TABLE_WIDTH else Miss.WIDE
 
 
 ARM_TOO_SLOW = {ReachFailure.BEYOND_SPEED_LIMIT, SwingFailure.TORQUE_LIMIT}
@@ -437,7 +438,10 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
         selection = control.take(plan.rackets)
     swing = selection.swing if selection is not None and selection.index is not None else None
     done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), EPISODE_TIME, trial.rng)
-    return None if done is None else (Outcome(trial.ball, done[0]), selection, done[1])
+    if done is None:
+        return None
+    contacts, joints = done
+    return Outcome(trial.ball, contacts), selection, joints
 
 
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, rng: np.random.Generator) -> list[Episode]:

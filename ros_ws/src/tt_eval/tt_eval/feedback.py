@@ -121,7 +121,7 @@ class Follower:
         """
         news = False
         while self._inbox and self._inbox[0][0] <= now:
-            item = heappop(self._inbox)[2]
+            _, _, item = heappop(self._inbox)
             if isinstance(item, BallState):
                 self._tracker.start(item)
                 news = True

@@ -8,11 +8,13 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from tt_core.arrays import SPIN, VELOCITY, Array
 from tt_core.errors import TtError
 from tt_core.flight import fly
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_sim.world.launcher import SCALES
 from tt_vision.rig import VIEW_CENTRE
 
@@ -47,7 +49,21 @@ def draw_ball(scenario: Scenario, seed: int) -> Trial:
     return Trial.drawn(replace(scenario, shots="given", ball=ball), seed)
 
 
-def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
+class MeasuredError(NamedTuple):
+    """Error of one measured ball.
+
+    Attributes:
+        error: (9,) measured minus true position (m), velocity (m/s) and spin (rad/s).
+        speed: m/s, true speed.
+        spin: rad/s, length of the true spin.
+    """
+
+    error: Array
+    speed: float
+    spin: float
+
+
+def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, MeasuredError | None]:
     """Render and measure one ball of `draw_ball`.
 
     Args:
@@ -55,9 +71,7 @@ def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
         seed: Number of the ball.
 
     Returns:
-        Whether the cameras see enough of it according to `last_frame`; and an array (11,): error of the measured position (m), velocity
-        (m/s)
-        and spin (rad/s), true speed (m/s) and true spin (rad/s), or None if the ball was not measured.
+        Whether the cameras see enough of it according to `last_frame`; and its error, or None if it was not measured.
     """
     trial = draw_ball(scenario, seed)
     passes = last_frame(trial.ball, trial.cameras, trial.physics) is not None
@@ -65,7 +79,7 @@ def errors_seen(scenario: Scenario, seed: int) -> tuple[bool, Array | None]:
     if measured is None:
         return passes, None
     true = fly(trial.ball.vector, measured.time - scenario.world.cameras.clock_offset - trial.ball.time, trial.physics.air.coefficients)
-    return passes, np.array([*(measured.vector - true), np.linalg.norm(true[3:6]), np.linalg.norm(true[6:])])
+    return passes, MeasuredError(measured.vector - true, float(np.linalg.norm(true[VELOCITY])), float(np.linalg.norm(true[SPIN])))
 
 
 def fit_sensor_errors(scenario: Scenario, balls: int) -> SensorErrorModel:
@@ -81,10 +95,11 @@ def fit_sensor_errors(scenario: Scenario, balls: int) -> SensorErrorModel:
     with ProcessPoolExecutor() as pool:
         seen = pool.map(functools.partial(errors_seen, scenario), range(balls), chunksize=4)
         done = list(tracked("balls", balls, seen))
-    rows = np.array([row for _, row in done if row is not None])
-    if len(rows) < LEAST_FITTED_BALLS:
-        raise TtError(f"{len(rows)} of {balls} balls were measured, {LEAST_FITTED_BALLS} needed")
-    return SensorErrorModel.fitted(rows[:, :9], rows[:, 9], rows[:, 10], 1.0 - len(rows) / sum(passes for passes, _ in done))
+    found = [error for _, error in done if error is not None]
+    if len(found) < LEAST_FITTED_BALLS:
+        raise TtError(f"{len(found)} of {balls} balls were measured, {LEAST_FITTED_BALLS} needed")
+    errors, speeds, spins = (np.array(column) for column in zip(*found, strict=True))
+    return SensorErrorModel.fitted(errors, speeds, spins, 1.0 - len(found) / sum(passes for passes, _ in done))
 
 
 def main() -> None:

@@ -135,7 +135,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     folder.mkdir(parents=True, exist_ok=True)
     begun.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
     tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
-    missing = [task for task in tasks if not (folder / f"{task[0]:09d}.parquet").is_file()]
+    missing = [(first, end) for first, end in tasks if not (folder / f"{first:09d}.parquet").is_file()]
     with ExitStack() as stack:
         advance = stack.enter_context(progress("balls", balls, balls - sum(last - first for first, last in missing)))
         executor, count = _executor(stack, scheduler, workers)

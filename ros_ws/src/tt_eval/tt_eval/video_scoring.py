@@ -16,9 +16,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+from tt_core.arrays import POSITION, SPIN, VELOCITY, VZ, Array, X, Y, Z
 from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.flight import fly
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_sim.cameras.tracking_cameras import Sightings, believed
 from tt_sim.world.outcome import Outcome, free_flight_positions
 from tt_sim.world.true_ball import Contact, Surface
@@ -30,6 +31,7 @@ UNUSUAL = 4.0  # least change of velocity at a contact over the median change, f
 TOUCH_DISTANCE = 0.05  # m, distance at which a surface counts as touched: half of the motion between two frames
 LEAST_POSITIONS = 5  # least number of positions of a flight
 SCATTER = 2.0e-3  # m, standard deviation of a position, for the weight of PRIOR_SPIN: that of bad cameras
+FIRST_SPAN = 3  # frames over which the first estimate of the velocity is taken
 PRIOR_SPIN = 300.0  # rad/s, prior standard deviation of the spin of any ball: bounds the part that the flight does not show
 MOST_PLAYED_SPIN = 1500.0  # rad/s about each axis, more than in real play
 ITERATIONS, JACOBIAN_ITERATIONS = 5, 3  # number of Gauss-Newton iterations, and of the first ones that compute the Jacobian
@@ -49,7 +51,7 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
     """
     n = len(times)
     ball, step = np.zeros(9), np.array([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])  # m/s, rad/s
-    ball[:3], ball[3:6] = seen[0], (seen[3] - seen[0]) / (times[3] - times[0])
+    ball[POSITION], ball[VELOCITY] = seen[0], (seen[FIRST_SPAN] - seen[0]) / (times[FIRST_SPAN] - times[0])
     jacobian, normal = np.zeros((3 * n, 9)), np.zeros((9, 9))
     for k in range(3):
         jacobian[k::3, k] = 1.0  # a position moves with the first position
@@ -98,16 +100,16 @@ def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
 
 def _surface(ball: Array, after: Array) -> Surface | None:
     """Return what a ball (9,) met that goes on at velocity `after` (3,) m/s; None if no surface is there."""
-    x, y, z = ball[:3]
-    before = ball[3:6]
-    if before[0] < 0.0 < after[0] and x < NET_X - TOUCH_DISTANCE:
+    x, y, z = ball[POSITION]
+    before = ball[VELOCITY]
+    if before[X] < 0.0 < after[X] and x < NET_X - TOUCH_DISTANCE:
         return Surface.RACKET
     over = (
         -TOUCH_DISTANCE < x < TABLE_LENGTH + TOUCH_DISTANCE
         and -TOUCH_DISTANCE < y < TABLE_WIDTH + TOUCH_DISTANCE
         and abs(z) < 2.0 * TOUCH_DISTANCE
     )
-    if over and before[2] < after[2] and after[2] > 0.0 and before[0] * after[0] > 0.0:
+    if over and before[Z] < after[Z] and after[Z] > 0.0 and before[X] * after[X] > 0.0:
         return Surface.TABLE
     return Surface.NET if abs(x - NET_X) < 2.0 * TOUCH_DISTANCE and z < NET_HEIGHT + TOUCH_DISTANCE else None
 
@@ -165,10 +167,11 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
     for k, before, after in zip(turns, flights, flights[1:], strict=False):
         if before is None or after is None:
             continue
-        time, one, other = _meeting(before[1], after[1], after[0] - before[0], times[k] - before[0], air)
-        surface = _surface(one, other[3:6])
+        (start, earlier), (later_start, later) = before, after
+        time, one, other = _meeting(earlier, later, later_start - start, times[k] - start, air)
+        surface = _surface(one, other[VELOCITY])
         if surface is not None:
-            outcome.contacts.append(Contact(surface, _ball(before[0] + time, one), _ball(before[0] + time, other)))
+            outcome.contacts.append(Contact(surface, _ball(start + time, one), _ball(start + time, other)))
     if flights[-1] is not None and outcome.hit is not None and outcome.landing is None:
         end = _past_the_table(*flights[-1], float(times[-1]), air)
         outcome.contacts += [Contact(Surface.FLOOR, end, end)] if end is not None else []
@@ -178,14 +181,14 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
 def _ball(time: float, row: Array) -> BallState:
     """Return the ball of a row that a kernel has just made."""
     row.flags.writeable = False
-    return BallState.trusted(time, row[:3], row[3:6], row[6:])
+    return BallState.trusted(time, row[POSITION], row[VELOCITY], row[SPIN])
 
 
 def _past_the_table(start: float, ball: Array, time: float, air: Array) -> BallState | None:
     """Return a ball (9,) of `start` (s), last seen at `time` (s), where it falls to the table's height, if that is beside the table."""
     while True:
         row = fly(ball, time - start, air)
-        if row[2] < BALL_RADIUS and row[5] < 0.0:
-            over = 0.0 < row[0] < TABLE_LENGTH and 0.0 < row[1] < TABLE_WIDTH
+        if row[Z] < BALL_RADIUS and row[VZ] < 0.0:
+            over = 0.0 < row[X] < TABLE_LENGTH and 0.0 < row[Y] < TABLE_WIDTH
             return None if over else _ball(time, row)
         time += 1.0 / WIDE_RATE

@@ -133,7 +133,8 @@ def first_guess(flight: Flight) -> Array:
     """Return position (m) and velocity (m/s) at the start of a flight as one array (6,), from a parabola fitted to its first 20 points."""
     t, n = flight.times - flight.times[0], min(len(flight.times), 20)
     line = np.polynomial.polynomial.polyfit(t[:n], flight.positions[:n], 2)
-    return np.concatenate([line[0], line[1]])
+    position, velocity, _ = line
+    return np.concatenate([position, velocity])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

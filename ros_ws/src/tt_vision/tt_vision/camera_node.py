@@ -117,7 +117,8 @@ class CameraNode(Node):
         with closing(self.read_images()) as source:
             first = next(source)  # a source that cannot be read ends the node here
         self.size = first.image.shape
-        self.publish_info(self.size[1], self.size[0])
+        height, width = self.size
+        self.publish_info(width, height)
         if not self.recorded:
             self.create_timer(1.0, lambda: self.status.publish("capturing", **asdict(self.counts)))
         threading.Thread(target=self.publish_all, daemon=True).start()

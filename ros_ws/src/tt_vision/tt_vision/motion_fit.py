@@ -120,12 +120,13 @@ class BallMotion:
         """
         tau = np.asarray(times) - self.time
         line = np.linalg.lstsq(np.stack([np.ones_like(tau), tau], axis=1), 0.5 * tau * tau, rcond=None)[0]
+        shift, rate = line
         more = np.asarray(acceleration) - self.acceleration
         sigma = AIR_ERROR * np.outer(line, more).ravel()
         return replace(
             self,
-            position=self.position - line[0] * more,
-            velocity=self.velocity - line[1] * more,
+            position=self.position - shift * more,
+            velocity=self.velocity - rate * more,
             acceleration=self.acceleration + more,
             covariance=self.covariance + np.outer(sigma, sigma),
         )
@@ -373,9 +374,9 @@ def _first_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
     """Find the outline points (n,) OUTLINE_POINT in a wide ring around the detected ball in each image."""
     found = []
     for c, row in enumerate(burst.detections):
-        for k, (ball, circle) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
-            reach = max(FIRST_REACH * circle[2], FINE_REACH)
-            points = scan_outline(burst.images[c][k], ball.u, ball.v, circle[2] - reach, circle[2] + reach, ball.contrast)
+        for k, (ball, (_, _, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
+            reach = max(FIRST_REACH * radius, FINE_REACH)
+            points = scan_outline(burst.images[c][k], ball.u, ball.v, radius - reach, radius + reach, ball.contrast)
             points["camera"], points["frame"] = c, k
             found.append(points)
     return np.concatenate(found)

@@ -76,9 +76,9 @@ class Page:
     def _add_ball(self, gui: viser.GuiApi) -> None:
         with gui.add_folder("Ball"):
             kind = gui.add_dropdown("Kind", SHOT_KINDS)
-            scale = gui.add_slider("Scale", SCALES[0], SCALES[1], 1, 3)
+            scale = gui.add_slider("Scale", *SCALES, 1, 3)
             launch = gui.add_button("Launch a ball")
-            rate = gui.add_slider("Balls a minute", RATES[0], RATES[1], 1.0, 30.0)
+            rate = gui.add_slider("Balls a minute", *RATES, 1.0, 30.0)
             repeat, cease = gui.add_button("Launch at this rate"), gui.add_button("Cease launching")
         launch.on_click(lambda _: self.actions.put(Launch(f"{kind.value} {int(scale.value)}")))
         repeat.on_click(lambda _: self.actions.put(SetRate(f"{kind.value} {int(scale.value)}", float(rate.value))))

@@ -15,9 +15,9 @@ import plotly.graph_objects as go
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial import cKDTree
+from tt_core.arrays import SPIN, VELOCITY, Array
 from tt_core.constants import RPM
 from tt_core.so3 import rotation_matrix
-from tt_core.states import Array
 from tt_sim.render import Texture
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_vision.capture.burst import Burst
@@ -94,21 +94,21 @@ def run(runs: int) -> list[go.Figure]:
             printed = (np.linalg.norm(velocity - burst.ball.velocity), np.linalg.norm(spin - burst.ball.spin) / RPM)
             if ours is not None:
                 miss = ours.vector - burst.ball.vector
-                misses.append((*printed, np.linalg.norm(miss[3:6]), np.linalg.norm(miss[6:]) / RPM))
+                misses.append((*printed, np.linalg.norm(miss[VELOCITY]), np.linalg.norm(miss[SPIN]) / RPM))
             if trial == 0:
-                first = [
+                true, theirs, found = (
                     f"{np.linalg.norm(burst.ball.velocity):.2f}, {np.linalg.norm(burst.ball.spin) / RPM:.0f}",
                     f"{np.linalg.norm(velocity):.2f}, {np.linalg.norm(spin) / RPM:.0f}, {error:.0f}, {1e3 * (middle - start):.0f}, {count}",
                     "refused"
                     if ours is None
                     else f"{np.linalg.norm(ours.velocity):.2f}, {np.linalg.norm(ours.spin) / RPM:.0f}, {1e3 * (end - middle):.0f}",
-                ]
+                )
                 traces.append((f"{kind} {scale}, shot {n + 1}", trace))
                 if (kind, scale) == ("top", 4):
                     pictures += _pictures(detected, spin, f"Figure 2.{19 + len(pictures) // PICTURES}: top 4, shot {n + 1}")
         slow, off, speed, spin_off = np.median(misses, axis=0) if misses else (np.nan,) * 4
         ours_off = f"{speed:.4f}, {spin_off:.1f}"
-        table.add_row(f"{kind} {scale}", first[0], first[1], f"{slow:.3f}, {off:.0f}", first[2], ours_off, PRINTED.get(n, ""))
+        table.add_row(f"{kind} {scale}", true, theirs, f"{slow:.3f}, {off:.0f}", found, ours_off, PRINTED.get(n, ""))
     Console(width=170).print(table)
     return [*_convergence(traces), *pictures]
 

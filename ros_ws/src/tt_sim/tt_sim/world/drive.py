@@ -88,10 +88,10 @@ class Drive:
         Returns:
             (n,) rad/s, the newest command while it is valid, otherwise a ramp to zero.
         """
-        given = self._given
-        if self.sole and given is not None and now - given[1] <= timeout:
+        command, came = self._given or (None, now)
+        if self.sole and command is not None and now - came <= timeout:
             self._ramp = None
-            return given[0]
+            return command
         step = self._deceleration * duration
         last = np.array(qdot) if self._ramp is None else self._ramp
         self._ramp = last - np.clip(last, -step, step)

@@ -14,12 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import VX, VY, VZ, Array, X, Y, Z
 from tt_core.bounce import TableCoefficients, rebound_racket, rebound_table
 from tt_core.constants import RACKET_RADIUS
 from tt_core.errors import check_range
 from tt_core.flight import MAX_STEP, AirCoefficients, ease, step
 from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 
 from .racket_motion import RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at
 from .surfaces import BY_NUMBER, FLOOR, NET, NONE, RACKET, TABLE, BallShape, Gap, Surface, gap_to, racket_point_velocity
@@ -128,7 +129,7 @@ def _approach(surface: int, ball: Array, duration: float, now: float, scene: _Sc
     else:
         trial[:] = ball
     racket = racket_at(scene.racket, now + duration) if surface == RACKET else _NOWHERE
-    place, velocity = Vector(trial[0], trial[1], trial[2]), Vector(trial[3], trial[4], trial[5])
+    place, velocity = Vector(trial[X], trial[Y], trial[Z]), Vector(trial[VX], trial[VY], trial[VZ])
     gap = gap_to(surface, place, racket, scene.shape)
     rate, arm = dot(velocity, gap.normal), _ORIGIN
     if surface == RACKET:
@@ -243,8 +244,8 @@ def travel(
     fastest = 1.0 + fastest_point(scene.racket, models.racket_radius)
     n = 0
     while until - now > 1e-12:
-        speed = 1.0 + math.sqrt(ball[3] ** 2 + ball[4] ** 2 + ball[5] ** 2)
-        racket, place = racket_at(scene.racket, now), Vector(ball[0], ball[1], ball[2])
+        speed = 1.0 + math.sqrt(ball[VX] ** 2 + ball[VY] ** 2 + ball[VZ] ** 2)
+        racket, place = racket_at(scene.racket, now), Vector(ball[X], ball[Y], ball[Z])
         for surface in range(1, 5):
             soonest[surface] = gap_to(surface, place, racket, scene.shape).distance / (speed + (fastest if surface == RACKET else 0.0))
         safe = min(MAX_STEP * ease(ball, physics.air), soonest[1:].min())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from tt_core.arrays import Array
+from tt_core.arrays import VZ, Array, Z
 from tt_core.constants import GRAVITY
 
 from ..projection import project_from_table, ray, unpack_camera
@@ -236,6 +236,6 @@ def find_parabola(seen: Measurements, cameras: Array, parabola: Array) -> bool:
     for k in range(3):
         parabola[k] = trial[k] + time * trial[3 + k]
         parabola[3 + k] = trial[3 + k]
-    parabola[2] -= 0.5 * GRAVITY * time * time
-    parabola[5] -= GRAVITY * time
+    parabola[Z] -= 0.5 * GRAVITY * time * time
+    parabola[VZ] -= GRAVITY * time
     return True

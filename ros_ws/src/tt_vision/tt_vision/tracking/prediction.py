@@ -21,6 +21,8 @@ from tt_core.flight import step
 from tt_core.physics import PhysicsCoefficients, physics_coefficients
 from tt_core.table_contacts import over_table
 from tt_core.tangents import (
+    BY_DRAG,
+    BY_LIFT,
     DRAG,
     LIFT,
     PARAMETERS,
@@ -142,7 +144,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
     here = np.array([a[0], a[1], a[2]])
     slopes = np.zeros((3, PARAMETERS))
     slopes[:, VX : WX + 3] = jacobian[:, :6]
-    slopes[:, DRAG], slopes[:, LIFT] = jacobian[:, 6], jacobian[:, 7]
+    slopes[:, DRAG], slopes[:, LIFT] = jacobian[:, BY_DRAG], jacobian[:, BY_LIFT]
     across = covariance @ slopes.T  # (PARAMETERS, 3)
     seen = slopes @ across
     unseen = np.zeros((3, 3))

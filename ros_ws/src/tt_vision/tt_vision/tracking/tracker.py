@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from tt_core.arrays import POSITION, SPIN, VELOCITY
+from tt_core.arrays import POSITION, SPIN, VELOCITY, Z
 from tt_core.constants import BALL_RADIUS, FLOOR_Z
 from tt_core.errors import BadChoice, TtError, check_array, check_range
 from tt_core.events import LARGEST_COORDINATE, LARGEST_SPEED_SUM, LONGEST_PATH
@@ -264,7 +264,7 @@ class Tracker:
         """
         duration, unseen = at - track.prior.time, at - self._latest
         state, covariance = predict(track.unknowns, track.space.covariance, duration, unseen, self._physics, self._noise, self._broad)
-        if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[2] < FLOOR_Z + 0.5 * BALL_RADIUS:
+        if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[Z] < FLOOR_Z + 0.5 * BALL_RADIUS:
             return None
         return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
 
