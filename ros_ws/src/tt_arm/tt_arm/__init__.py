@@ -12,26 +12,16 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .control import ArmControl, ControlParams, ControlStep
-    from .joints import JointLimits, Joints
+    from .joints import Joints
     from .model import ArmModel
-    from .reach import Reach, ReachFailure, ReachParams
-    from .safety.guard import Guard, GuardParams
-    from .safety.stops import ArmStop
-    from .servo import ServoParams
-    from .stroke_selection import SelectionParams, StrokeSelection
+    from .reach import Reach, ReachFailure
     from .swing import Swing, SwingFailure, SwingLimits, plan
 
-__all__ = [
-    "ArmControl", "ArmModel", "ArmStop", "ControlParams", "ControlStep", "Guard", "GuardParams", "JointLimits", "Joints", "Reach",
-    "ReachFailure", "ReachParams", "SelectionParams", "ServoParams", "StrokeSelection", "Swing", "SwingFailure", "SwingLimits", "plan",
-]  # fmt: skip
+__all__ = ["ArmModel", "Joints", "Reach", "ReachFailure", "Swing", "SwingFailure", "SwingLimits", "plan"]
 
 _MODULES = {
-    "ArmControl": "control", "ArmModel": "model", "ArmStop": "safety.stops", "ControlParams": "control", "ControlStep": "control",
-    "Guard": "safety.guard", "GuardParams": "safety.guard", "JointLimits": "joints", "Joints": "joints", "Reach": "reach",
-    "ReachFailure": "reach", "ReachParams": "reach", "SelectionParams": "stroke_selection", "ServoParams": "servo",
-    "StrokeSelection": "stroke_selection", "Swing": "swing", "SwingFailure": "swing", "SwingLimits": "swing", "plan": "swing",
+    "ArmModel": "model", "Joints": "joints", "Reach": "reach", "ReachFailure": "reach", "Swing": "swing", "SwingFailure": "swing",
+    "SwingLimits": "swing", "plan": "swing",
 }  # fmt: skip
 
 

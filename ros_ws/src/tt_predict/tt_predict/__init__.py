@@ -5,6 +5,6 @@ Functions that have the name of their module are imported from there: `tt_predic
 `tt_predict.identify.identify`.
 """
 
-from .rollout import StopRule, thinned
+from .rollout import StopRule
 
-__all__ = ["StopRule", "thinned"]
+__all__ = ["StopRule"]

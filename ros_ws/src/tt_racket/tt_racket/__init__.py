@@ -5,27 +5,6 @@ path of the ball -> points where it may be hit -> strokes -> relaxed goals where
 """
 
 from .failures import StrokeFailure
-from .goal import GoalParams, default_goal
-from .goal_relaxation import AS_ASKED, GoalPart, Relaxation, RelaxationParams, Return, relax_goal
-from .intercept import Candidates, InterceptParams, hit_points
-from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import Stroke, solve
 
-__all__ = [
-    "AS_ASKED",
-    "Candidates",
-    "GoalParams",
-    "GoalPart",
-    "InterceptParams",
-    "Relaxation",
-    "RelaxationParams",
-    "Return",
-    "StrikeErrorParams",
-    "Stroke",
-    "StrokeFailure",
-    "default_goal",
-    "hit_points",
-    "landing_rms",
-    "relax_goal",
-    "solve",
-]
+__all__ = ["Stroke", "StrokeFailure", "solve"]

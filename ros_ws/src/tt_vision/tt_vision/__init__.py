@@ -13,18 +13,12 @@ from .exports import lazy_exports
 
 if TYPE_CHECKING:
     from .camera import Camera, triangulate
-    from .capture.assembler import Assembler, BurstParams
-    from .capture.burst import Burst
     from .detection.illumination import CalibratedLamps
-    from .measure import Measurement, MeasurementReason, estimate_spin, measure_burst
-    from .rig import high_speed_pair, wide_pair
+    from .measure import Measurement, MeasurementReason, estimate_spin
     from .spin.estimate import SpinEstimate
     from .spin.registration import SearchParams
 
 __all__ = [
-    "Assembler",
-    "Burst",
-    "BurstParams",
     "CalibratedLamps",
     "Camera",
     "Measurement",
@@ -32,10 +26,7 @@ __all__ = [
     "SearchParams",
     "SpinEstimate",
     "estimate_spin",
-    "high_speed_pair",
-    "measure_burst",
     "triangulate",
-    "wide_pair",
 ]
 
 __getattr__ = lazy_exports(
@@ -43,16 +34,10 @@ __getattr__ = lazy_exports(
     {
         "Camera": "tt_vision.camera",
         "triangulate": "tt_vision.camera",
-        "Assembler": "tt_vision.capture.assembler",
-        "BurstParams": "tt_vision.capture.assembler",
-        "Burst": "tt_vision.capture.burst",
         "CalibratedLamps": "tt_vision.detection.illumination",
         "Measurement": "tt_vision.measure",
         "MeasurementReason": "tt_vision.measure",
         "estimate_spin": "tt_vision.measure",
-        "measure_burst": "tt_vision.measure",
-        "high_speed_pair": "tt_vision.rig",
-        "wide_pair": "tt_vision.rig",
         "SpinEstimate": "tt_vision.spin.estimate",
         "SearchParams": "tt_vision.spin.registration",
     },

@@ -9,10 +9,9 @@ from ..exports import lazy_exports
 if TYPE_CHECKING:
     from ..measure import estimate_spin
     from .estimate import SpinEstimate, SpinReason
-    from .registration import Registration, SearchParams
-    from .surface_map import SurfaceMap
+    from .registration import SearchParams
 
-__all__ = ["Registration", "SearchParams", "SpinEstimate", "SpinReason", "SurfaceMap", "estimate_spin"]
+__all__ = ["SearchParams", "SpinEstimate", "SpinReason", "estimate_spin"]
 
 __getattr__ = lazy_exports(
     __name__,
@@ -20,8 +19,6 @@ __getattr__ = lazy_exports(
         "estimate_spin": "tt_vision.measure",
         "SpinEstimate": "tt_vision.spin.estimate",
         "SpinReason": "tt_vision.spin.estimate",
-        "Registration": "tt_vision.spin.registration",
         "SearchParams": "tt_vision.spin.registration",
-        "SurfaceMap": "tt_vision.spin.surface_map",
     },
 )
