@@ -213,7 +213,7 @@ def test_a_failure_is_remembered_and_the_others_go_on():
 
 
 def test_who_does_not_listen_is_killed(monkeypatch):
-    monkeypatch.setattr("tt_tools.launch.PATIENCE", 0.5)
+    monkeypatch.setattr("tt_tools.launch.SIGNAL_TIMEOUT", 0.5)
     deaf = "import signal, time\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\nprint('deaf', flush=True)\ntime.sleep(600)"
     system = System([Process("deaf", python(deaf))], lambda line: line == "[deaf] deaf" and system.interrupt())
     with system:

@@ -370,8 +370,8 @@ def test_one_slow_write_is_told_while_it_lasts(tmp_path, monkeypatch):
 
 
 def test_a_disk_that_never_answers_is_left(tmp_path, monkeypatch):
-    monkeypatch.setattr(record, "PATIENCE", 0.1)
-    monkeypatch.setattr(record, "GRACE", 0.1)
+    monkeypatch.setattr(record, "QUEUE_TIMEOUT", 0.1)
+    monkeypatch.setattr(record, "CLOSE_TIMEOUT", 0.1)
     recording, gate = begin(tmp_path / "bag"), threading.Event()
     monkeypatch.setattr(recording._bag, "write", lambda *sample: gate.wait(60.0))
     fill(recording, lambda: recording.state().queued > 1_000_000)
@@ -381,7 +381,7 @@ def test_a_disk_that_never_answers_is_left(tmp_path, monkeypatch):
 
 
 def test_what_waits_too_long_at_the_end_is_dropped_and_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr(record, "PATIENCE", 0.2)
+    monkeypatch.setattr(record, "QUEUE_TIMEOUT", 0.2)
     recording = begin(tmp_path / "bag")
     write = recording._bag.write
     monkeypatch.setattr(recording._bag, "write", lambda *sample: time.sleep(0.01) or write(*sample))
