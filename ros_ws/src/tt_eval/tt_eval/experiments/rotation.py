@@ -65,7 +65,7 @@ def along(got: Array, spin: Array) -> float:
     return float(got @ spin / max(float(np.linalg.norm(got) * np.linalg.norm(spin)), 1e-12))
 
 
-class MethodResult(NamedTuple):
+class SpinComparison(NamedTuple):
     """Comparison of an estimated spin with the true one, for one burst and one method.
 
     Attributes:
@@ -95,7 +95,7 @@ def run(runs: int) -> list[go.Figure]:
     Returns:
         Figures 2.14 and 2.15.
     """
-    results = list[MethodResult]()
+    results = list[SpinComparison]()
     count = len(AXIS_FRAMES) * len(AXES) * len(SPEEDS) * runs
     for frame, a, speed, spin, burst in tracked("bursts", count, turning(runs)):
         for method in METHOD_NAMES:
@@ -103,7 +103,7 @@ def run(runs: int) -> list[go.Figure]:
             got = estimate_spin(burst.images, burst.times, burst.cameras, method=method).spin
             took = 1e3 * (time.perf_counter() - start)
             estimated, error = float(np.linalg.norm(got)) / RPM, float(np.linalg.norm(got - spin)) / RPM
-            results.append(MethodResult(frame, a, method, speed, estimated, along(got, spin), error, took))
+            results.append(SpinComparison(frame, a, method, speed, estimated, along(got, spin), error, took))
     heads = ("method", "axes in", "axis", "speed within 200 rpm", "axis within 15 deg", "vector error rpm, median", "time ms, median")
     table = Table(*heads)
     for method, name in METHOD_NAMES.items():
@@ -130,7 +130,7 @@ def run(runs: int) -> list[go.Figure]:
     return figures
 
 
-def _figure(results: list[MethodResult], name: str, title: str, unit: str) -> go.Figure:
+def _figure(results: list[SpinComparison], name: str, title: str, unit: str) -> go.Figure:
     """Draw the attribute `name` of the results of one axis against the true speed, a mark for each burst and a colour for each method."""
     figure = go.Figure()
     marks = zip(METHOD_NAMES.items(), ("circle-open", "cross-thin-open", "x-thin-open"), (-30, 0, 30), COLOURS, strict=False)
