@@ -12,7 +12,7 @@ from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachParams, reach
 from tt_arm.stroke_selection import SelectionParams, select_stroke
-from tt_arm.swing import PROFILES, Swing, SwingLimits, plan
+from tt_arm.swing import PROFILE_NAMES, Swing, SwingLimits, plan
 from tt_arm.trajectory.torque import torque_shares
 from tt_core.states import RacketState
 from tt_eval.arm_loop import arm_ticks
@@ -65,7 +65,7 @@ def main() -> None:
         for method in ("best", "near", "liu"):
             metrics[f"{name}: share of the speed limits, {method}"] = reach(MODEL, racket, MODEL.waiting, method=method).ratio  # type: ignore[arg-type]
         metrics[f"{name}: face turns, rad/s"] = reach(MODEL, racket, MODEL.waiting).turning
-    for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), *((20.0, profile) for profile in PROFILES)):
+    for acceleration, profile in ((10.0, "auto"), (15.0, "auto"), *((20.0, profile) for profile in PROFILE_NAMES)):
         limits = SwingLimits(acceleration=acceleration, profile=profile)
         found = [select_stroke(MODEL, [racket], WAITING, limits, ReachParams(), SelectionParams()) for racket in printed.values()]
         swings = [plan(MODEL, WAITING, reach(MODEL, racket, MODEL.waiting), 1.0, limits) for racket in printed.values()]

@@ -23,7 +23,7 @@ from tt_core.robots import ArmFile, robots
 from tt_eval.arm_study.arm_page import shares
 from tt_eval.arm_study.limiting import limiting
 from tt_eval.arm_study.main import write_folder
-from tt_eval.arm_study.search import Task, search
+from tt_eval.arm_study.search import SearchTask, search_placements
 from tt_eval.evaluate import Sweep
 from tt_eval.scenario import load
 from tt_eval.sweep import sweep
@@ -50,7 +50,7 @@ def foreign(folder: Path) -> dict[str, str]:
     for name, (path, tip) in FOREIGN.items():
         urdf = Path(given) / path if given else next(Path(str(file.locate())) for file in installed if file.as_posix().endswith(path))
         arm, out = ArmFile(urdf=str(urdf.resolve()), tip=tip), folder / name
-        tried = search(Task(arm.urdf, arm, count=CANDIDATES), out / "search.jsonl", told=print)
+        tried = search_placements(SearchTask(arm.urdf, arm, count=CANDIDATES), out / "search.jsonl", report=print)
         write_folder(out, arm, urdf.resolve(), max(tried, key=lambda one: one.value(0.5)))
         found[name] = str(out)
     return found

@@ -14,7 +14,7 @@ from rich.table import Table
 from tt_eval.evaluate import RETURNS, percentiles, returns
 from tt_eval.miss import Miss
 from tt_eval.scenario import load
-from tt_eval.sweep import part
+from tt_eval.sweep import simulate_balls
 from tt_eval.sweep_metrics import NUMBERS
 
 CHUNK = 25
@@ -38,7 +38,7 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         for world, robot, name in ROWS:
             scenario = load("liu", robot=robot, world=world, images=False)
-            rows = [row for t in pool.map(functools.partial(part, scenario), *zip(*chunks, strict=True)) for row in t.to_pylist()]
+            rows = [row for t in pool.map(functools.partial(simulate_balls, scenario), *zip(*chunks, strict=True)) for row in t.to_pylist()]
             numbers = {key: np.array([row[key] for row in rows]) for key in NUMBERS}
             table.add_row(name, *returns(numbers, [Miss(row["miss"]) if row["miss"] else None for row in rows]))
             key = f"{world}_{robot}"

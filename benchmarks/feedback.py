@@ -62,7 +62,7 @@ def scenarios() -> dict[str, tuple[Scenario, float]]:
 
 def strike_errors(episode):
     """Return place (m), time (s) and velocity (m/s) off at the true strike by s ahead, of the last path predicted before."""
-    hit, known = episode.outcome.hit, [(answer.state.time, answer.path) for answer in episode.answers]
+    hit, known = episode.outcome.hit, [(response.state.time, response.path) for response in episode.responses]
     if not known and episode.measured is not None and episode.path is not None:
         known = [(episode.measured.time, episode.path)]
     errors = {}
@@ -83,7 +83,7 @@ def consistency(episode):
     """Return the squared errors of the states over their covariances, per dimension (NEES)."""
     known, ratios = [episode.outcome.launched, *(contact.after for contact in episode.outcome.contacts)], []
     end = episode.outcome.hit.before.time if episode.outcome.hit else math.inf
-    for state in (answer.state for answer in episode.answers if answer.state.time < end):
+    for state in (response.state for response in episode.responses if response.state.time < end):
         last = [ball for ball in known if ball.time <= state.time][-1]
         off = state.vector - fly(last.vector, state.time - last.time, episode.trial.physics.air.coefficients)
         ratios.append(float(off @ np.linalg.solve(state.covariance, off)) / len(off))
@@ -114,7 +114,7 @@ def play(name, number, balls):
                 "reachable": reachable(episode.trial, model).swing is not None if name == "real" else None,
                 "strike": strike_errors(episode),
                 "nees": consistency(episode),
-                "replans": max(0, len(episode.answers) - 1),
+                "replans": max(0, len(episode.responses) - 1),
                 "arm": arm_record(episode, model),
             }
         )

@@ -11,7 +11,7 @@ from report import arguments, report
 from rich.console import Console
 from rich.table import Table
 from tt_predict.recordings import aimy
-from tt_predict.validate import MODELS, SEEN, validate
+from tt_predict.validate import COMPARED_MODELS, SEEN_DURATION, validate
 
 
 def main() -> None:
@@ -22,14 +22,21 @@ def main() -> None:
     flights = aimy(Path(folder) / "aimy")
     errors, metrics = validate(flights), {}
     table = Table(
-        "launches", "model", "balls", "place, m", "", "time, ms", "", title=f"landing errors, median and 90th percentile, {SEEN} s seen"
+        "launches",
+        "model",
+        "balls",
+        "place, m",
+        "",
+        "time, ms",
+        "",
+        title=f"landing errors, median and 90th percentile, {SEEN_DURATION} s seen",
     )
     for (group, name), pairs in errors.items():
         if len(pairs) == 0:
             continue
         (place, time), (far, late) = np.percentile(pairs, [50, 90], axis=0)
         table.add_row(group, name, str(len(pairs)), f"{place:.3f}", f"{far:.3f}", f"{1e3 * time:.1f}", f"{1e3 * late:.1f}")
-    for name in MODELS:
+    for name in COMPARED_MODELS:
         pairs = np.concatenate([errors[key] for key in errors if key[1] == name])
         (place, time), (far, late) = np.percentile(pairs, [50, 90], axis=0)
         metrics |= {f"{name}: place, median, m": place, f"{name}: place, 90 %, m": far}

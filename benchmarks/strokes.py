@@ -16,8 +16,8 @@ from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_core.states import RacketState
 from tt_eval.arm_loop import arm_ticks
-from tt_eval.arm_trial import STROKES_AT, TICK, arm_trial, strokes
-from tt_sim.world.launcher import KINDS
+from tt_eval.arm_trial import STROKES_AT, TRIAL_TICK, arm_trial, launched_ball_strokes
+from tt_sim.world.launcher import SHOT_KINDS
 from tt_sim.world.plant import Plant, PlantParams
 
 MODEL = ArmModel.pa10()
@@ -33,15 +33,15 @@ def in_a_row(balls: int) -> float:
     control, plant, start = ArmControl(MODEL), Plant(MODEL, NOISY), Joints(0.0, MODEL.waiting, np.zeros(7))
     rng, thrown, made, wanted = np.random.default_rng(0), 0, 0, list[RacketState]()
     control.enable(True)
-    for joints, step in arm_ticks(control, plant, start, TICK, rng):
+    for joints, step in arm_ticks(control, plant, start, TRIAL_TICK, rng):
         if joints.time >= balls * PERIOD + 1.0:
             break
         if thrown < balls and joints.time >= thrown * PERIOD + STROKES_AT:
-            rackets = strokes(KINDS[thrown % len(KINDS)], SCALES[thrown % len(SCALES)], thrown)
+            rackets = launched_ball_strokes(SHOT_KINDS[thrown % len(SHOT_KINDS)], SCALES[thrown % len(SCALES)], thrown)
             choice = control.take([replace(racket, time=racket.time + thrown * PERIOD) for racket in rackets])
             wanted += [choice.racket] if choice.racket is not None else []
             thrown += 1
-        for racket in [racket for racket in wanted if racket.time < joints.time + TICK]:
+        for racket in [racket for racket in wanted if racket.time < joints.time + TRIAL_TICK]:
             there = plant.racket(joints, step.command, racket.time - joints.time)
             made += bool(np.linalg.norm(there.position - racket.position) < MADE)
             wanted.remove(racket)
@@ -53,12 +53,12 @@ def main() -> None:
     warm(MODEL)
     metrics: dict[str, float] = {}
     done, why, guarded = [], Counter(), Counter()
-    shots = [(kind, scale) for kind in KINDS for scale in SCALES]
+    shots = [(kind, scale) for kind in SHOT_KINDS for scale in SCALES]
     made: Counter[tuple[str, int]] = Counter()
     tried: Counter[tuple[str, int]] = Counter()
     for seed in range(given.runs):
         shot = shots[seed % len(shots)]
-        one = arm_trial(MODEL, strokes(*shot, seed), NOISY, seed)
+        one = arm_trial(MODEL, launched_ball_strokes(*shot, seed), NOISY, seed)
         done.append(one)
         tried[shot] += 1
         made[shot] += one.reason is None

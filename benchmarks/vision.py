@@ -19,7 +19,7 @@ from tt_eval.experiments import catapult, rotation
 from tt_eval.synthetic_bursts import bursts, calibrated_lamps
 from tt_sim.render import Lamps
 from tt_vision.detection.ball_detection import detect_balls, find_ball
-from tt_vision.first_look import FirstLook
+from tt_vision.first_estimate import FirstEstimator
 from tt_vision.measure import first_measurement, measure, measure_burst
 from tt_vision.rig import high_speed_pair
 from tt_vision.spin import SearchParams, estimate_spin
@@ -79,7 +79,7 @@ class FirstTally(Tally):
         seen = detect_balls(burst.burst)
         frames = list(zip(burst.times.tolist(), zip(*burst.images, strict=True), zip(*seen.detections, strict=True), strict=True))
         start = time.thread_time()
-        look = FirstLook(burst.cameras)
+        look = FirstEstimator(burst.cameras)
         for frame in frames[:-1]:
             look.add(*frame)
         last = time.thread_time()
@@ -98,7 +98,7 @@ def right(bursts) -> dict[str, float]:
         ball = measure(*burst.images, burst.times, burst.cameras).ball
         got, spin = np.zeros(3) if ball is None else ball.spin, burst.ball.spin
         speed = abs(np.linalg.norm(got) - np.linalg.norm(spin)) / RPM < rotation.RIGHT
-        rows.append((speed, rotation.along(got, spin) > rotation.CLOSE))
+        rows.append((speed, rotation.along(got, spin) > rotation.ALIGNED_COSINE))
     speeds, axes = np.array(rows).T
     return {
         "speed within 200 rpm, %": 100.0 * speeds.mean(),
@@ -138,7 +138,10 @@ def main() -> None:
         "time median, method 2 spin alone / our whole measurement": float(np.median(took) / metrics["time ms, median"]),
     }
     per = max(1, args.runs // 80)
-    machines = {"rotation": (burst for *_, burst in rotation.turning(per)), "catapult": (burst for *_, burst in catapult.shots(2 * per))}
+    machines = {
+        "rotation": (burst for *_, burst in rotation.turning(per)),
+        "catapult": (burst for *_, burst in catapult.rendered_shots(2 * per)),
+    }
     for machine, filmed in machines.items():
         metrics |= {f"{machine} machine: {what}": value for what, value in right(filmed).items()}
     report("vision", args.runs, metrics, args.json)

@@ -18,7 +18,7 @@ from tt_bringup.report import write_report
 from tt_bringup.reprocess import reprocess
 from tt_core.errors import TtError
 from tt_core.ros.bags import Bag
-from tt_tools.describe import describe
+from tt_tools.describe import describe_bag
 from tt_tools.reindex import compress, reindex
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -61,7 +61,7 @@ ALL = {**FORMS, "mcap, recorder killed, after `ros2 bag reindex`": killed, "mcap
 
 def info(path: Path) -> int:
     """Return how many messages a bag has."""
-    return sum(topic.count for topic in describe(path).topics)
+    return sum(topic.count for topic in describe_bag(path).topics)
 
 
 def found(pattern: str, *words: str) -> int:

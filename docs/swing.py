@@ -16,7 +16,7 @@ from tt_arm.model import ArmModel
 from tt_bringup.report.run_record import RunRecord
 from tt_core.errors import TtError
 from tt_eval.arm_loop import arm_ticks
-from tt_eval.arm_trial import STROKES_AT, TICK, strokes
+from tt_eval.arm_trial import STROKES_AT, TRIAL_TICK, launched_ball_strokes
 from tt_eval.page import BLUE, GREY, ORANGE, Section, html_page, write_page
 from tt_sim.world.plant import Plant, PlantParams
 
@@ -37,11 +37,11 @@ def played(kind: str, scale: int) -> tuple[np.ndarray, np.ndarray, float]:
     model = ArmModel.pa10()
     control, plant, start, choice, rows = ArmControl(model), Plant(model, PlantParams()), Joints(0.0, model.waiting, np.zeros(7)), None, []
     control.enable(True)
-    for joints, _ in arm_ticks(control, plant, start, TICK, np.random.default_rng(0)):
+    for joints, _ in arm_ticks(control, plant, start, TRIAL_TICK, np.random.default_rng(0)):
         if joints.time >= 2.5:
             break
         if choice is None and joints.time >= STROKES_AT:
-            choice = control.take(strokes(kind, scale, 0))
+            choice = control.take(launched_ball_strokes(kind, scale, 0))
             if choice.swing is None:
                 raise SystemExit(f"{kind} {scale}: {'; '.join(map(str, choice.reasons))}")
         rows.append([joints.time, *joints.q, *joints.qdot])

@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import MultiDOFJointTrajectory
-from tt_bringup.demo import free_domain, free_port, graph
+from tt_bringup.demo import free_domain, free_port, launched_nodes
 from tt_core.ros.convert import seconds, strokes_from_message
 from tt_core.ros.qos import LATEST, RELIABLE
 
@@ -32,7 +32,7 @@ def main() -> None:
     free_domain()
     port = free_port()
     arguments = ["use_sim_time:=true", "rtf:=0.2", "view:=true", f"view_port:={port}"]
-    with (folder / "log.txt").open("w") as log, graph(arguments, log):
+    with (folder / "log.txt").open("w") as log, launched_nodes(arguments, log):
         rclpy.init()
         node, executor = rclpy.create_node("pictures"), SingleThreadedExecutor()
         executor.add_node(node)

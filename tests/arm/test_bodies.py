@@ -10,7 +10,7 @@ import pytest
 from arm.own_urdfs import ARMS, FIVE
 from tt_arm.arm_urdf.bodies import around_box, around_cylinder, around_mesh, around_points, capsules
 from tt_arm.arm_urdf.meshes import MeshNotFound, resolve, triangles
-from tt_arm.arm_urdf.urdf import UrdfError, UrdfFailure, UrdfOptions, read
+from tt_arm.arm_urdf.urdf import UrdfError, UrdfFailure, UrdfOptions, read_urdf
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import (
     between_segments,
@@ -172,5 +172,5 @@ def test_every_shape_is_read(tmp_path):
     round_ones = 'sphere radius="0.1"', 'capsule radius="0.1" length="0.3"', 'cylinder radius="0.1" length="0.3"'
     for shape in ('<box size="0.1 0.2 0.3"/>', *(f"<{one}/>" for one in round_ones)):
         (tmp_path / "arm.urdf").write_text(FIVE.replace('<cylinder radius="0.04" length="0.4"/>', shape))
-        description = read(str(tmp_path / "arm.urdf"), "hand", None, UrdfOptions())
+        description = read_urdf(str(tmp_path / "arm.urdf"), "hand", None, UrdfOptions())
         assert capsules(description)["l2"]

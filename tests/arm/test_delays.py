@@ -9,7 +9,7 @@ from tt_arm.control import ArmControl
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import clearance
-from tt_eval.arm_trial import STROKES_AT, strokes
+from tt_eval.arm_trial import STROKES_AT, launched_ball_strokes
 from tt_sim.world.drive import Drive
 from tt_sim.world.plant import Plant
 
@@ -39,7 +39,7 @@ def test_the_arm_touches_nothing_whatever_comes_late(seed):
             if step is not None:
                 commands.append((now + commands_late, step.command.copy()))
             if now >= ball:
-                found = strokes(["back", "top"][seed % 2], int(rng.integers(3, 6)), int(rng.integers(1e6)))
+                found = launched_ball_strokes(["back", "top"][seed % 2], int(rng.integers(3, 6)), int(rng.integers(1e6)))
                 control.take([replace(racket, time=racket.time + now - STROKES_AT) for racket in found])
                 ball = now + rng.uniform(0.4, 1.0)
         while commands and commands[0][0] <= now:

@@ -12,7 +12,7 @@ from tt_arm.joints import NO_ACCELERATION_LIMIT, Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach
 from tt_arm.safety.clearance import braking_clearance, clearance
-from tt_arm.safety.command_limits import SAME
+from tt_arm.safety.command_limits import SAME_COMMAND
 from tt_arm.safety.guard import Guard, GuardParams
 from tt_arm.safety.stops import ArmStop
 from tt_arm.swing import SwingLimits
@@ -58,7 +58,7 @@ def test_nonsense_never_leaves(arm, commands):
         assert np.all(np.abs(allowed - last) <= steepest(arm) * TICK + 1e-9)
         if command.shape != (n,) or not np.isfinite(command).all():
             assert reason.code is ArmStop.BROKEN_COMMAND
-        assert reason is not None or np.allclose(allowed, command, rtol=0.0, atol=SAME)
+        assert reason is not None or np.allclose(allowed, command, rtol=0.0, atol=SAME_COMMAND)
         last = allowed
 
 
@@ -91,14 +91,14 @@ def test_damage_latches_once_it_lasts_until_reset(code, name):
     n, at_rest = len(arm.names), functools.partial(at, arm=arm)
     guard = warmed(arm)
     for k in range(5):  # less than 10 ms
-        guard.look(Joints(k * TICK, broken.q, broken.qdot))
+        guard.check_state(Joints(k * TICK, broken.q, broken.qdot))
     assert guard.latched is None
-    guard.look(at_rest(5 * TICK))
+    guard.check_state(at_rest(5 * TICK))
     for k in range(6, 13):
         assert guard.latched is None
-        guard.look(Joints(k * TICK, broken.q, broken.qdot))
+        guard.check_state(Joints(k * TICK, broken.q, broken.qdot))
     assert guard.latched.code is code
-    guard.look(at_rest(12 * TICK))
+    guard.check_state(at_rest(12 * TICK))
     allowed, reason = guard.check(at_rest(12 * TICK), np.full(n, 0.01), 12 * TICK)
     assert np.all(allowed == 0.0)
     assert reason is guard.latched

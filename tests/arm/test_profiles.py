@@ -8,7 +8,7 @@ from tt_arm.trajectory.profiles import (
     Bounds,
     Ends,
     decay,
-    evaluate,
+    evaluate_path,
     is_possible,
     largest_distance,
     largest_end_speed,
@@ -34,7 +34,7 @@ def samples(fill, time, *given):
     rows = []
     for t in np.linspace(0.0, time, 400):
         q, v, a = np.empty(7), np.empty(7), np.empty(7)
-        evaluate(t, knots, c, q, v, a)
+        evaluate_path(t, knots, c, q, v, a)
         rows.append((q[0], v[0], a[0]))
     return np.array(rows).T
 

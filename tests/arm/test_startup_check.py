@@ -6,7 +6,7 @@ from tt_arm.joints import Joints
 from tt_arm.model import ArmModel, UrdfError, UrdfFailure
 from tt_arm.reach import ReachFailure, reach
 from tt_arm.safety.guard import GuardParams
-from tt_arm.startup_check import StartupError, StartupFailure, check_feasible, check_guard, strokes
+from tt_arm.startup_check import StartupError, StartupFailure, check_feasible, check_guard, typical_strokes
 from tt_arm.swing import SwingLimits, plan
 from tt_core.errors import OutOfRange
 from tt_core.robots import read_arm
@@ -17,7 +17,7 @@ MODEL = ArmModel.pa10()
 def test_this_arm_can_play():
     check_feasible(MODEL, SwingLimits())
     start = Joints(0.0, MODEL.waiting, np.zeros(7))
-    assert all(plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time).reason is None for racket in strokes())
+    assert all(plan(MODEL, start, reach(MODEL, racket, MODEL.waiting), racket.time).reason is None for racket in typical_strokes())
 
 
 @pytest.mark.parametrize(

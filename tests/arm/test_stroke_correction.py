@@ -7,7 +7,7 @@ from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachParams, reach
 from tt_arm.stroke_correction import between, corrections, postures, stroke_distance
-from tt_arm.stroke_selection import SelectionParams, select_stroke
+from tt_arm.stroke_selection import PlannedStroke, SelectionParams, select_stroke
 from tt_arm.swing import SwingLimits
 from tt_core.states import RacketState
 
@@ -49,7 +49,7 @@ def test_a_correction_that_is_too_far_goes_half_of_the_way():
     params = SelectionParams()
     selected = select_stroke(MODEL, [FIRST], Joints.at_rest(0.0, MODEL.waiting), LIMITS, ReachParams(), params)
     late = selected.swing.joints(FIRST.time - 0.1)  # 0.1 s are enough for some change only
-    current, shifts = (selected.racket, selected.reach), []
+    current, shifts = PlannedStroke(selected.racket, selected.reach), []
     for shift in np.arange(0.0, 0.2, 0.004):
         found = select_stroke(MODEL, [moved([0.0, shift, 0.0])], late, LIMITS, ReachParams(), params, current)
         if found.racket is not None:

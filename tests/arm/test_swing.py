@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import Reach, adjust, reach
-from tt_arm.swing import AT_REST, LONGEST_LEG, PROFILES, SwingFailure, SwingLimits, Task, append_return, plan
+from tt_arm.swing import LONGEST_LEG, PROFILE_NAMES, REST_SPEED, SwingFailure, SwingLimits, SwingTask, append_return, plan
 from tt_arm.trajectory.legs import make_leg
 from tt_arm.trajectory.path_check import path_failure
 from tt_arm.trajectory.torque import torque_shares
@@ -57,7 +57,7 @@ def test_printed_rackets_are_made_in_four_tenths_at_half_the_acceleration(racket
     check_path(swing, limits)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", PROFILE_NAMES)
 @pytest.mark.parametrize("racket", printed(100.60), ids=NAMES)
 def test_every_profile_keeps_every_limit_and_is_there(racket, profile):
     limits, target = SwingLimits(profile=profile, jerk=2000.0), reach(MODEL, racket, MODEL.waiting)
@@ -66,7 +66,7 @@ def test_every_profile_keeps_every_limit_and_is_there(racket, profile):
     check_path(swing, limits)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", PROFILE_NAMES)
 @pytest.mark.parametrize("when", [0.05, 0.15, 0.25, 0.45])
 def test_every_profile_is_bent_on_the_way_without_a_jump(when, profile):
     racket, limits = printed(100.50)[0], SwingLimits(profile=profile)
@@ -77,9 +77,11 @@ def test_every_profile_is_bent_on_the_way_without_a_jump(when, profile):
     target = adjust(MODEL, newer, first)
     again = plan(MODEL, middle, target, newer.time, limits)
     there = again.joints(middle.time)
-    assert np.hstack([there.q, there.qdot]) == pytest.approx(np.hstack([middle.q, middle.qdot]), abs=AT_REST)
+    assert np.hstack([there.q, there.qdot]) == pytest.approx(np.hstack([middle.q, middle.qdot]), abs=REST_SPEED)
     if profile != "polyline":
-        assert there.qddot == pytest.approx(middle.qddot, abs=np.sqrt(2.0 * limits.jerk * AT_REST))  # at what counts as rest none is kept
+        assert there.qddot == pytest.approx(
+            middle.qddot, abs=np.sqrt(2.0 * limits.jerk * REST_SPEED)
+        )  # at what counts as rest none is kept
     check_path(again, limits)  # also when it only brakes and returns
     if when < 0.3:
         check_strike(again, target, newer)
@@ -94,7 +96,7 @@ def test_a_path_beyond_a_limit_is_told():
         ("jerk", 2000.0, SwingFailure.JERK_LIMIT),
     ):
         limits, waiting, rest = SwingLimits(), MODEL.waiting.copy(), np.zeros(7)
-        task = Task.of(MODEL, limits)
+        task = SwingTask.of(MODEL, limits)
         path = task.new_path()
         path.leg(0.4, make_leg(waiting, rest, rest, target.q, target.qdot))
         assert append_return(path, task, make_leg(target.q, target.qdot, rest, waiting, rest), 1.0)
@@ -168,7 +170,7 @@ def test_a_new_plan_takes_over_without_a_jump(which, when, shift, later):
 def test_from_anywhere_it_returns_to_waiting(where, how):
     start = Joints(5.0, where * MODEL.position_limits[:, 1], how * MODEL.speed_limits)
     swing = plan(MODEL, start, None, 5.0)
-    assert np.hstack(swing.sample(5.0)) == pytest.approx(np.hstack([start.q, start.qdot]), abs=AT_REST)
+    assert np.hstack(swing.sample(5.0)) == pytest.approx(np.hstack([start.q, start.qdot]), abs=REST_SPEED)
     check_path(swing, SwingLimits(), step=2e-3)
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from tt_bringup.demo_metrics import HEADER, demo_metrics, line, true_ball
+from tt_bringup.demo_metrics import TABLE_HEADER, demo_metrics, table_line, true_ball
 from tt_core.flight import fly
 from tt_core.physics import Physics
 from tt_core.states import BallState, ReturnGoal
@@ -42,7 +42,7 @@ def test_a_returned_ball():
     assert s.speed_true == pytest.approx(s.speed_measured)
     assert s.time_error_s == pytest.approx(0.002)
     assert (s.hit_error_m, s.landing_reached, s.return_spin_reached) == (0.004, [2.03, 0.74], [104.0, 1.0])
-    assert line(s).split()[2:4] == ["2865", "2827"] and " 50 " in line(s) and " 40 " in line(s)
+    assert table_line(s).split()[2:4] == ["2865", "2827"] and " 50 " in table_line(s) and " 40 " in table_line(s)
     json.dumps(s.as_dict())
 
 
@@ -62,9 +62,9 @@ MISSED = values(result="missed", hit="null", after_hit="null", offset="null", la
 def test_a_missed_ball_has_its_reason(values, measured, refusal, reason):
     s = demo_metrics(values, GOAL, measured, None, refusal, true_ball(values, MEASURED.time, AIR))
     assert (s.hit, s.landed, s.reason) == (False, False, reason)
-    assert line(s).rstrip().endswith(reason)
+    assert table_line(s).rstrip().endswith(reason)
 
 
 def test_columns_stand_under_their_heads():
-    widths = {len(row) for row in HEADER.splitlines()} | {len(line(demo_metrics(values(), GOAL, MEASURED, 40.0, None, TRUE)))}
+    widths = {len(row) for row in TABLE_HEADER.splitlines()} | {len(table_line(demo_metrics(values(), GOAL, MEASURED, 40.0, None, TRUE)))}
     assert len(widths) == 1 and widths.pop() <= 80  # columns of a terminal

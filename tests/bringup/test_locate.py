@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 import yaml
 from tt_arm.arm_file import load_arm
-from tt_bringup.locate.fit import NotDetermined, UnknownCamera, fit
+from tt_bringup.locate.fit import NotDetermined, UnknownCamera, fit_placement
 from tt_bringup.locate.main import main
 from tt_bringup.locate.observations import BadRows, PinholeCamera, Sighting, Touch, read_touches
 
@@ -53,7 +53,7 @@ def test_base_and_racket_are_found(name, kind):
                 touches.append(Touch(q, place + rng.normal(0.0, 2e-4, 3), part))
             else:
                 sightings.append(Sighting(q, "left", camera.pixels(place[None])[0] + rng.normal(0.0, 0.1, 2), part))
-    located = fit(arm, touches, sightings, {"left": camera})
+    located = fit_placement(arm, touches, sightings, {"left": camera})
     for q in postures(arm, 20, seed=2):
         position, rotation = arm.racket(q)
         found = located.base * pin.SE3(rotation, position) * located.mount
@@ -68,7 +68,7 @@ def test_base_and_racket_are_found(name, kind):
 def test_what_is_known_is_kept():
     arm, base, _ = believed_and_true("pa10")
     touches = [Touch(q, true_pose(arm, base, pin.SE3.Identity(), q).act(np.zeros(3)), np.zeros(3)) for q in postures(arm, 6)]
-    located = fit(arm, touches, [], {}, ["mount"])
+    located = fit_placement(arm, touches, [], {}, ["mount"])
     assert located.base.homogeneous == pytest.approx(base.homogeneous, abs=1e-6)
     assert set(located.sigma) == {"base"} and np.allclose(located.mount.homogeneous, np.eye(4))
 
@@ -78,12 +78,12 @@ def test_what_is_left_open_is_refused():
     arm, base, mount = believed_and_true("pa10")
     touches = [Touch(q, true_pose(arm, base, mount, q).act(np.zeros(3)), np.zeros(3)) for q in postures(arm, 20)]
     with pytest.raises(NotDetermined) as error:
-        fit(arm, touches, [], {})
+        fit_placement(arm, touches, [], {})
     assert error.value.open == 3
     with pytest.raises(NotDetermined):
-        fit(arm, touches[:2], [], {})
+        fit_placement(arm, touches[:2], [], {})
     with pytest.raises(UnknownCamera):
-        fit(arm, [], [Sighting(arm.waiting, "middle", np.zeros(2), np.zeros(3))], {})
+        fit_placement(arm, [], [Sighting(arm.waiting, "middle", np.zeros(2), np.zeros(3))], {})
 
 
 def test_the_command_writes_parameters_that_the_arm_node_takes(tmp_path):

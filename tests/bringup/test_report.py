@@ -14,7 +14,7 @@ from tt_bringup.report import write_report
 from tt_bringup.report.ball_images import read_ball_images
 from tt_bringup.report.run_page import recorded_arm
 from tt_bringup.report.run_record import RunRecord
-from tt_bringup.report.words import COLUMNS, facts, print_run, verdict
+from tt_bringup.report.words import TEXT_WIDTH, facts, print_run, run_summary
 from tt_bringup.reprocess import all_parameters
 from tt_core.constants import RPM
 from tt_core.ros.bags import BagError
@@ -67,8 +67,8 @@ def test_the_text_has_80_columns(report):
     out = io.StringIO()
     print_run(run, Console(file=out, width=200))
     lines = out.getvalue().splitlines()
-    assert max(map(len, lines)) <= COLUMNS
-    assert "rpm" in out.getvalue() and verdict(run)[0].split()[0] in lines[0]
+    assert max(map(len, lines)) <= TEXT_WIDTH
+    assert "rpm" in out.getvalue() and run_summary(run)[0].split()[0] in lines[0]
     assert dict(facts(run.balls[0]))["measured spin"].endswith(")")
 
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tt_arm.model import ArmModel
 from tt_bringup.compare import compare
-from tt_bringup.frames import Frames, UrdfUnreadable
-from tt_bringup.reprocess import parameters, reprocess
+from tt_bringup.frames import RobotFrames, UrdfUnreadable
+from tt_bringup.reprocess import node_parameters, reprocess
 from tt_core.errors import TtError
-from tt_core.ros.bags import TYPES, Bag
+from tt_core.ros.bags import TYPESTORE, Bag
 from tt_tools.record import Recording
 
 REFERENCE = Path(__file__).parents[2] / "bags" / "reference_back_5"
@@ -66,11 +66,11 @@ def joint_states(folder, names, rows):
     recording = Recording(folder)
     recording.add_topic("/joint_states", "sensor_msgs/msg/JointState", [])
     recording.add_topic("/ball/path", "trajectory_msgs/msg/MultiDOFJointTrajectory", [])
-    make = {name: TYPES.types[name] for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")}
+    make = {name: TYPESTORE.types[name] for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")}
     for i, q in enumerate(rows):
         header = make["std_msgs/msg/Header"](make["builtin_interfaces/msg/Time"](100 + i, 0), "")
         message = make["sensor_msgs/msg/JointState"](header, list(names), np.array(q), np.zeros(0), np.zeros(0))
-        data = bytes(TYPES.serialize_cdr(message, "sensor_msgs/msg/JointState"))
+        data = bytes(TYPESTORE.serialize_cdr(message, "sensor_msgs/msg/JointState"))
         recording.add("/joint_states", (100 + i) * 10**9, data)
     recording.close()
 
@@ -105,21 +105,21 @@ def test_the_frames_lead_to_the_racket_of_the_model(tmp_path):
 def test_a_linear_joint_moves_along_its_axis(position):
     text = """<robot name="r"><joint name="j" type="prismatic"><parent link="a"/><child link="b"/>
     <origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/></joint></robot>"""
-    (found,) = Frames(text).at({"j": position, "other": 1.0})
+    (found,) = RobotFrames(text).at({"j": position, "other": 1.0})
     assert found.translation == pytest.approx([1.0, position, 0.0])
 
 
 @pytest.mark.parametrize("text", ["", "<robot>", "<robot><joint name='a' type='fixed'><parent/><child/></joint></robot>"])
 def test_what_is_no_urdf_is_refused(text):
     with pytest.raises(UrdfUnreadable):
-        Frames(text)
-    assert Frames(ArmModel.pa10().placed_description).fixed
+        RobotFrames(text)
+    assert RobotFrames(ArmModel.pa10().placed_description).fixed
 
 
 @pytest.mark.parametrize("text", ["[1]", "a: 3", "a: {b: 1}", "{"])
 def test_what_is_no_parameter_file_is_refused(text):
     with pytest.raises(TtError):
-        parameters(text)
+        node_parameters(text)
 
 
 def test_a_recording_without_input_is_refused(tmp_path, twice):

@@ -53,7 +53,7 @@ def project(tmp_path_factory, clean):
 
 
 def set_up(folder, clean):
-    """Run scripts/setup, from another folder. The kernels are those that came with the source, if it has not changed since its own set-up."""
+    """Run scripts/setup, from another folder. The kernels came with the source, unless it has changed since its own set-up."""
     done = subprocess.run([folder / "scripts" / "setup"], cwd=folder.parent, env=clean, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -8,12 +8,12 @@ import pytest
 from tt_arm.arm_file import load_arm
 from tt_arm.description import placed_description
 from tt_arm.model import ArmModel
-from tt_bringup.view.gate import Answer, Request, judge
+from tt_bringup.view.gate import Decision, Request, decide
 from tt_bringup.view.items import Shape, ellipsoid
 from tt_bringup.view.page import clicked_place, side_by_side
 from tt_bringup.view.readings import Health, Readings
 from tt_bringup.view.robot_shapes import RobotShapes
-from tt_bringup.view.scene import Joints, Scene
+from tt_bringup.view.scene import DrawnScene, ShownJoints
 from tt_bringup.view.scene_inputs import landing_place
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import TtError
@@ -27,7 +27,7 @@ BALL = BallState(100.0, [2.3, 0.76, 0.3], [-5.0, 0.0, 1.5], [0.0, -200.0, 0.0], 
 
 @pytest.fixture
 def scene():
-    return Scene(RobotShapes(PA10), Physics.liu())
+    return DrawnScene(RobotShapes(PA10), Physics.liu())
 
 
 def named(scene, now):
@@ -100,7 +100,7 @@ def test_table_arm_and_nothing_else_are_there_from_the_start(scene):
 @pytest.mark.parametrize("lag", [0.05, 1e9])  # s from stamp to arrival: live, and a bag of years ago
 def test_a_ball_flies_along_its_path_and_is_gone_afterwards(scene, lag):
     path = rollout(BALL, Physics.liu(), StopRule.at_x(-0.3))
-    scene.take_joints(100.0, Joints(), 100.0 + lag)
+    scene.take_joints(100.0, ShownJoints(), 100.0 + lag)
     scene.take_estimate(BALL, 100.06 + lag)
     scene.take_path(path, 100.07 + lag)
     for time in (100.1, 100.3):
@@ -166,9 +166,9 @@ def test_a_clock_that_is_set_back_begins_anew(scene):
 
 
 def test_an_unchanged_item_is_the_same_object(scene):
-    scene.take_joints(1.0, Joints({"s1": 0.1}), 1.0)
+    scene.take_joints(1.0, ShownJoints({"s1": 0.1}), 1.0)
     first = named(scene, 1.0)
-    scene.take_joints(1.1, Joints({"s1": 0.1}), 1.1)
+    scene.take_joints(1.1, ShownJoints({"s1": 0.1}), 1.1)
     assert all(item is first[name] for name, item in named(scene, 1.1).items())
 
 
@@ -232,26 +232,26 @@ SOCKET = {"Upgrade": "websocket", "Connection": "Upgrade"}
 @pytest.mark.parametrize(
     "asked, token, answer",
     [
-        (request(Host="127.0.0.1:8080"), "", Answer.ADMIT),
-        (request(Host="localhost:8080"), "", Answer.ADMIT),
-        (request(Host="[::1]:8080"), "", Answer.ADMIT),
-        (request(Host="evil.example:8080"), "", Answer.REFUSE),
-        (request(), "", Answer.REFUSE),
-        (request(Host="127.0.0.1:8080", Origin="http://127.0.0.1:8080", **SOCKET), "", Answer.ADMIT),
-        (request(Host="127.0.0.1:8080", Origin="http://evil.example", **SOCKET), "", Answer.REFUSE),
-        (request(Host="robot:8080"), "secret", Answer.REFUSE),
-        (request("/?token=wrong", Host="robot:8080"), "secret", Answer.REFUSE),
-        (request("/?token=secret", Host="robot:8080"), "secret", Answer.REMEMBER),
-        (request(Host="robot:8080", Cookie="a=b; view_token=secret"), "secret", Answer.ADMIT),
-        (request(Host="robot:8080", Cookie="view_token=secre"), "secret", Answer.REFUSE),
-        (request(Host="robot:8080", Origin="http://robot:8080", Cookie="view_token=secret", **SOCKET), "secret", Answer.ADMIT),
-        (request(Host="robot:8080", Origin="http://other:8080", Cookie="view_token=secret", **SOCKET), "secret", Answer.REFUSE),
-        (request("/?token=secret", Host="robot:8080", **SOCKET), "secret", Answer.ADMIT),
-        (request(Host="robot:8080", **SOCKET), "secret", Answer.REFUSE),
+        (request(Host="127.0.0.1:8080"), "", Decision.ADMIT),
+        (request(Host="localhost:8080"), "", Decision.ADMIT),
+        (request(Host="[::1]:8080"), "", Decision.ADMIT),
+        (request(Host="evil.example:8080"), "", Decision.REFUSE),
+        (request(), "", Decision.REFUSE),
+        (request(Host="127.0.0.1:8080", Origin="http://127.0.0.1:8080", **SOCKET), "", Decision.ADMIT),
+        (request(Host="127.0.0.1:8080", Origin="http://evil.example", **SOCKET), "", Decision.REFUSE),
+        (request(Host="robot:8080"), "secret", Decision.REFUSE),
+        (request("/?token=wrong", Host="robot:8080"), "secret", Decision.REFUSE),
+        (request("/?token=secret", Host="robot:8080"), "secret", Decision.REMEMBER),
+        (request(Host="robot:8080", Cookie="a=b; view_token=secret"), "secret", Decision.ADMIT),
+        (request(Host="robot:8080", Cookie="view_token=secre"), "secret", Decision.REFUSE),
+        (request(Host="robot:8080", Origin="http://robot:8080", Cookie="view_token=secret", **SOCKET), "secret", Decision.ADMIT),
+        (request(Host="robot:8080", Origin="http://other:8080", Cookie="view_token=secret", **SOCKET), "secret", Decision.REFUSE),
+        (request("/?token=secret", Host="robot:8080", **SOCKET), "secret", Decision.ADMIT),
+        (request(Host="robot:8080", **SOCKET), "secret", Decision.REFUSE),
     ],
 )
 def test_who_may_open_the_page(asked, token, answer):
-    assert judge(asked, token) is answer
+    assert decide(asked, token) is answer
 
 
 def test_what_is_no_request_is_refused():

@@ -112,8 +112,12 @@ def test_a_ball_is_bounded_or_refused(message):
         ball = convert.ball_from_message(message)
     except TtError:
         return
-    assert 0.0 <= ball.time <= convert.NEWEST
-    assert is_bounded(ball.position, convert.PLACE) and is_bounded(ball.velocity, convert.SPEED) and is_bounded(ball.spin, convert.SPIN)
+    assert 0.0 <= ball.time <= convert.LARGEST_STAMP
+    assert (
+        is_bounded(ball.position, convert.PLACE)
+        and is_bounded(ball.velocity, convert.LARGEST_BALL_SPEED)
+        and is_bounded(ball.spin, convert.LARGEST_BALL_SPIN)
+    )
     assert ball.covariance is None or is_bounded(ball.covariance, convert.VARIANCE)
     convert.ball_to_message(ball)  # so can it be sent
 
@@ -124,8 +128,12 @@ def test_a_path_is_bounded_or_refused(message):
         path = convert.path_from_message(message)
     except TtError:
         return
-    assert 1 <= len(path.times) <= convert.MOST_POINTS
-    assert is_bounded(path.positions, convert.PLACE) and is_bounded(path.velocities, convert.SPEED) and is_bounded(path.spins, convert.SPIN)
+    assert 1 <= len(path.times) <= convert.MOST_PATH_POINTS
+    assert (
+        is_bounded(path.positions, convert.PLACE)
+        and is_bounded(path.velocities, convert.LARGEST_BALL_SPEED)
+        and is_bounded(path.spins, convert.LARGEST_BALL_SPIN)
+    )
     assert path.times[-1] - path.times[0] <= convert.FROM_START[1] - convert.FROM_START[0]
 
 
@@ -135,7 +143,7 @@ def test_a_goal_is_bounded_or_refused(message):
         goal = convert.goal_from_message(message)
     except TtError:
         return
-    assert is_bounded(goal.landing, convert.PLACE) and is_bounded([goal.spin_y, goal.spin_z], convert.SPIN)
+    assert is_bounded(goal.landing, convert.PLACE) and is_bounded([goal.spin_y, goal.spin_z], convert.LARGEST_BALL_SPIN)
     assert 0.0 < goal.flight_time <= convert.FROM_START[1]
 
 
@@ -147,7 +155,7 @@ def test_strokes_are_bounded_or_refused(message):
         return
     assert len(rackets) <= convert.MOST_STROKES
     for racket in rackets:
-        assert is_bounded(racket.position, convert.PLACE) and is_bounded(racket.velocity, convert.SPEED)
+        assert is_bounded(racket.position, convert.PLACE) and is_bounded(racket.velocity, convert.LARGEST_BALL_SPEED)
         assert np.abs(racket.rotation @ racket.rotation.T - np.eye(3)).max() < 1e-9
         assert math.isfinite(racket.time)
 
@@ -158,7 +166,7 @@ def test_a_pixel_is_bounded_or_refused(sec, nanosec, x, y):
         time, pixel = convert.pixel_from_message(stamped(PointStamped(point=Point(x=x, y=y)), sec, nanosec, "x"))
     except TtError:
         return
-    assert 0.0 <= time <= convert.NEWEST and is_bounded(pixel, convert.PIXEL)
+    assert 0.0 <= time <= convert.LARGEST_STAMP and is_bounded(pixel, convert.PIXEL)
 
 
 @given(cameras())

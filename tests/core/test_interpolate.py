@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tt_core.interpolate import hermite, hermite_rate, interpolate_states
+from tt_core.interpolate import hermite, hermite_rate, hermite_weights, interpolate_states
 
 numbers = st.floats(-10.0, 10.0)
 shares = st.floats(0.0, 1.0)
@@ -20,6 +20,7 @@ def test_a_cubic_is_met_exactly(powers, duration, share):
 
     ends = value(0.0), rate(0.0), value(duration), rate(duration)
     assert hermite(*ends, duration, share) == pytest.approx(value(share * duration), abs=1e-12)
+    assert np.dot(hermite_weights(duration, share), ends) == pytest.approx(value(share * duration), abs=1e-12)
     assert hermite_rate(*ends, duration, share) == pytest.approx(rate(share * duration), abs=1e-9)
 
 

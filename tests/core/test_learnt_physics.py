@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tt_core.errors import BadChoice, NotFinite, OutOfRange, TtError
 from tt_core.factors import scaled
-from tt_core.learnt_physics import NODES, physics_from_text, physics_to_text
+from tt_core.learnt_physics import PHYSICS_NODES, physics_from_text, physics_to_text
 from tt_core.physics import Physics
 
 PHYSICS = Physics.measured()
@@ -18,7 +18,7 @@ def test_models_are_the_same_after_text(logarithms):
     physics = scaled(PHYSICS, logarithms)
     text = physics_to_text(physics, "measured")
     content = yaml.safe_load(text)
-    for node in NODES:
+    for node in PHYSICS_NODES:
         assert physics_from_text(text, node, Physics.liu()) == physics
         assert content[f"/**/{node}"]["ros__parameters"]["physics"] == "measured"
 

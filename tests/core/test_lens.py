@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from tt_core.errors import TtError
-from tt_core.lens import TOLERANCE, rational_from_fisheye
+from tt_core.lens import RATIONAL_TOLERANCE, rational_from_fisheye
 
 # coefficients of calibrated lenses, and none
 LENSES = [[0.0, 0.0, 0.0, 0.0], [-0.042, -0.004, 0.001, -3e-4], [0.1, -0.05, 0.02, -0.003], [-0.0066, 0.0408, -0.0397, 0.0112]]
@@ -20,7 +20,9 @@ def test_it_images_as_opencv_does(fisheye, degrees):
     theirs = cv2.fisheye.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(fisheye))[0].reshape(-1, 2)
     reach = np.linalg.norm(theirs - matrix[:2, 2], axis=1).max() / focal
     ours = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, rational_from_fisheye(fisheye, reach, focal))[0].reshape(-1, 2)
-    assert np.abs(ours - theirs).max() < 2.0 * TOLERANCE  # pixels; TOLERANCE holds at the samples of the fit, these lie between
+    assert (
+        np.abs(ours - theirs).max() < 2.0 * RATIONAL_TOLERANCE
+    )  # pixels; RATIONAL_TOLERANCE holds at the samples of the fit, these lie between
 
 
 @pytest.mark.parametrize(

@@ -67,9 +67,9 @@ def test_a_folder_that_is_not_there_is_empty(tmp_path):
 
 
 def test_full_memory_is_told(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("tt_core.shared_memory.FOLDER", tmp_path)
+    monkeypatch.setattr("tt_core.shared_memory.SHARED_MEMORY", tmp_path)
     check_room()
-    monkeypatch.setattr("tt_core.shared_memory.ROOM", 2**62)
+    monkeypatch.setattr("tt_core.shared_memory.LEAST_FREE", 2**62)
     with pytest.raises(SystemExit) as end:
         check_room()
     assert end.value.code == 2

@@ -18,9 +18,9 @@ from tt_core.robots import ArmFile, read_arm
 from tt_eval.arm_study import search as search_module
 from tt_eval.arm_study.limiting import LIMITING, limiting
 from tt_eval.arm_study.main import write_folder
-from tt_eval.arm_study.placement import BASE_HIGH, BASE_LOW, Placement, changed, drawn
+from tt_eval.arm_study.placement import BASE_HIGH, BASE_LOW, Placement, changed, draw_placement
 from tt_eval.arm_study.quick_score import QuickScore, quick_score
-from tt_eval.arm_study.search import Candidate, OtherSearch, Task, front, search
+from tt_eval.arm_study.search import Candidate, OtherSearch, SearchTask, front, search_placements
 from tt_eval.arm_study.speed_map import speed_map
 
 FILE, URDF = read_arm("frame5")
@@ -45,7 +45,7 @@ def test_drawn_and_changed_placements_are_within_their_ranges():
     rng, start = np.random.default_rng(0), Placement.of(FILE)
     arm = load_arm("frame5")
     for _ in range(20):
-        one = drawn(start, str(URDF), FILE, ("waiting",), rng)
+        one = draw_placement(start, str(URDF), FILE, ("waiting",), rng)
         assert np.all(np.array(one.base) >= BASE_LOW) and np.all(np.array(one.base) <= BASE_HIGH) and one.waiting == start.waiting
         other = changed(replace(start, mount=(0.15, 0.0)), arm.position_limits, ("base",), rng)
         assert other.base == start.base and other.mount[0] == 0.15
@@ -54,7 +54,7 @@ def test_drawn_and_changed_placements_are_within_their_ranges():
 
 
 def test_a_drawn_waiting_posture_holds_the_racket_towards_the_opponent():
-    one = drawn(Placement.of(FILE), str(URDF), FILE, ("base", "mount"), np.random.default_rng(1))
+    one = draw_placement(Placement.of(FILE), str(URDF), FILE, ("base", "mount"), np.random.default_rng(1))
     position, rotation = load_arm("frame5").racket(np.array(one.waiting))
     assert position == pytest.approx([-0.45, 0.7625, 0.425], abs=1e-6) and rotation[0, 2] > 0.9
 
@@ -85,15 +85,15 @@ def test_the_folder_is_the_arm(tmp_path):
 
 @needs_data
 def test_a_search_goes_on_where_it_was_interrupted(tmp_path):
-    task, file = Task(str(URDF), FILE, ("base", "mount"), count=5), tmp_path / "search.jsonl"
-    done = search(task, file, workers=1)
+    task, file = SearchTask(str(URDF), FILE, ("base", "mount"), count=5), tmp_path / "search.jsonl"
+    done = search_placements(task, file, workers=1)
     assert len(done) == 5 and done[0].placement == Placement.of(FILE) and done[0].score.rallies > 0.9
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:4], lines[4][:40]]))  # interrupted while it wrote
-    again = search(task, file, workers=1)
+    again = search_placements(task, file, workers=1)
     assert again[:3] == done[:3] and len(again) == 5
     with pytest.raises(OtherSearch):
-        search(replace(task, kept=("base",)), file)
+        search_placements(replace(task, kept=("base",)), file)
 
 
 @needs_data
@@ -107,7 +107,7 @@ def test_what_is_no_file_of_a_search_is_refused(tmp_path):
     for text in ("", "nothing", json.dumps({"urdf": "other"})):
         file.write_text(text)
         with pytest.raises(OtherSearch):
-            search_module.search(Task(str(URDF), FILE, count=1), file)
+            search_module.search_placements(SearchTask(str(URDF), FILE, count=1), file)
 
 
 def refused(*words):

@@ -7,7 +7,7 @@ import pytest
 from tt_core.errors import TtError
 from tt_eval.episode import landing_error, play, session
 from tt_eval.scenario import Robot, load
-from tt_eval.sweep import part
+from tt_eval.sweep import simulate_balls
 from tt_sim.world.outcome import Result
 
 SCENARIO = replace(load("real", robot="feedback", images=False), session=4)
@@ -25,7 +25,7 @@ def balls():
 def test_balls_are_followed_to_the_strike(balls):
     for episode in balls:
         assert episode.outcome.result is Result.RETURNED
-        times = np.array([answer.state.time for answer in episode.answers])
+        times = np.array([response.state.time for response in episode.responses])
         assert (np.diff(times) >= SCENARIO.robot.interval - 1e-9).all()
         strike = episode.selection.swing.strike_time
         assert strike - times[-1] < 2 * SCENARIO.robot.interval  # to the last but one state before it, at least
@@ -37,7 +37,7 @@ def test_states_come_closer_to_the_truth(balls):
     for episode in balls:
         off = [
             np.linalg.norm(s.position - episode.outcome.places(np.array([s.time]), episode.trial.physics.air.coefficients)[0])
-            for s in (answer.state for answer in episode.answers)
+            for s in (response.state for response in episode.responses)
         ]
         assert off[-1] < 0.005  # m; cameras that are 0.2 pixels aside: 1.4 mm
 
@@ -54,15 +54,15 @@ def test_a_robot_that_learns_lands_nearer():
 def test_a_session_is_the_same_again_and_a_ball_one_of_it(balls):
     again = play(SCENARIO, 2)
     assert again.outcome.to_text() == balls[2].outcome.to_text()
-    rows = part(SCENARIO, 2, 4).to_pylist()
+    rows = simulate_balls(SCENARIO, 2, 4).to_pylist()
     assert [row["seed"] for row in rows] == [2, 3]
 
 
 def test_each_part_can_be_switched_off():
     plain = play(switched(feedback=False, learning=False, margin=0.0), 1)
-    assert plain.answers == () and plain.measured is not None
+    assert plain.responses == () and plain.measured is not None
     spinless = play(switched(spin="ignored", learning=False), 1)
-    assert spinless.answers and all(np.abs(answer.state.spin[2]) < 100.0 for answer in spinless.answers[:3])
+    assert spinless.responses and all(np.abs(response.state.spin[2]) < 100.0 for response in spinless.responses[:3])
     with pytest.raises(TtError):
         Robot(learning=True)
 
@@ -70,5 +70,5 @@ def test_each_part_can_be_switched_off():
 def test_a_ball_that_only_the_wide_cameras_see_is_returned(monkeypatch):
     monkeypatch.setattr("tt_eval.episode.Trial.guessed", lambda self: None)
     played = [play(switched(learning=False), seed) for seed in range(4)]
-    assert all(episode.measured is None and episode.answers for episode in played)
+    assert all(episode.measured is None and episode.responses for episode in played)
     assert any(episode.outcome.hit for episode in played)

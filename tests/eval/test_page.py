@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import plotly.graph_objects as go
-from tt_eval.page import PLOTLY, WHOLE, Section, Table, figure_data, html_page, script_call, write_page
+from tt_eval.page import PLOTLY, WHOLE_WIDTH, Section, Table, figure_data, html_page, script_call, write_page
 
 SMALL = 1_500_000  # bytes, that a page may have
 
@@ -13,7 +13,7 @@ SMALL = 1_500_000  # bytes, that a page may have
 def test_a_page_holds_what_it_is_given_escaped():
     figure = go.Figure().add_scatter(y=[1, 2]).update_layout(title="a < figure", height=300)
     table = Table(("ball", "place"), [("1 < 2", "<b>here</b>")], "places & times")
-    sections = [Section("", tables=[table]), Section("two", text=["so & so"], figures=[figure, figure.update_layout(meta=WHOLE)])]
+    sections = [Section("", tables=[table]), Section("two", text=["so & so"], figures=[figure, figure.update_layout(meta=WHOLE_WIDTH)])]
     text = html_page("a & b", sections, lead=["in <short>"])
     assert "<title>a &amp; b</title>" in text and "<h3>places &amp; times</h3>" in text
     assert "<td>1 &lt; 2</td><td>&lt;b&gt;here&lt;/b&gt;</td>" in text

@@ -25,11 +25,11 @@ def test_both_ways_are_turned_to_fly_to_the_robot(tmp_path):
     there = ROW | {"pos_x": 0.1, "pos_y": 1.0, "pos_z": 0.3, "vel_x": 0.5, "vel_y": -5.0, "w_vel_x": 60.0}
     back = ROW | {"pos_x": -0.1, "pos_y": -1.0, "pos_z": 0.3, "vel_x": -0.5, "vel_y": 5.0, "w_vel_x": -60.0}
     file.write_text(json.dumps([there, back]))
-    one, other = rallies.load(file)
+    one, other = rallies.load_rallies(file)
     assert one.vector == pytest.approx([2.37, 0.6625, 0.3, -5.0, -0.5, 0.0, 0.0, -60.0, 0.0])
     assert other.vector == pytest.approx(one.vector)
     with pytest.raises(rallies.NoShots) as error:
-        rallies.load(tmp_path / "none.json")
+        rallies.load_rallies(tmp_path / "none.json")
     assert error.value.file == tmp_path / "none.json"
 
 
@@ -45,7 +45,7 @@ def test_only_what_an_arm_could_be_asked_for(velocity, reached):
 
 @pytest.mark.skipif(not os.environ.get("TT_DATA_DIR"), reason="TT_DATA_DIR names no folder of real data")
 def test_real_play_is_seen_by_cameras_that_follow_it():
-    shots = rallies.load(Path(os.environ["TT_DATA_DIR"]) / "deepmind" / "rallies.json")
+    shots = rallies.load_rallies(Path(os.environ["TT_DATA_DIR"]) / "deepmind" / "rallies.json")
     assert len(shots) == 13088  # data/README
     scenario = load("rallies", images=False)
     seen = [Trial.drawn(scenario, seed).guessed() for seed in range(40)]

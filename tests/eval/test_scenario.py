@@ -8,13 +8,13 @@ import yaml
 from arm.own_urdfs import EIGHT
 from tt_core.errors import BadChoice, BadShape, NotFinite, OutOfRange, TtError
 from tt_core.physics import Physics
-from tt_core.strict_yaml import BadFile, MissingKey, UnknownKey, Unreadable, WrongType, names
+from tt_core.strict_yaml import BadFile, MissingKey, UnknownKey, Unreadable, WrongType, yaml_names
 from tt_eval.episode import play
 from tt_eval.scenario import HOME, Scenario, load
 from tt_sim.cameras.camera_faults import CameraFaults
 from tt_sim.cameras.tracking_cameras import TrackingCameraFaults
 from tt_sim.domain_randomization import DomainRandomization
-from tt_sim.world.launcher import KINDS
+from tt_sim.world.launcher import SHOT_KINDS
 from tt_sim.world.plant import PlantParams
 from tt_sim.world_file import WORLDS
 
@@ -23,11 +23,11 @@ PROFILES = {"ideal", "liu", "real", "harsh"}
 
 
 def test_every_scenario_world_and_robot_here_can_be_read():
-    assert set(names(HOME / "scenarios")) >= PROFILES
-    assert {load("liu", robot=robot).robot.stroke for robot in names(HOME / "robots")} == {"exact", "sam", "specular"}
-    for scenario in [load(name) for name in names(HOME / "scenarios")]:
+    assert set(yaml_names(HOME / "scenarios")) >= PROFILES
+    assert {load("liu", robot=robot).robot.stroke for robot in yaml_names(HOME / "robots")} == {"exact", "sam", "specular"}
+    for scenario in [load(name) for name in yaml_names(HOME / "scenarios")]:
         assert isinstance(scenario, Scenario)
-    for world in names(WORLDS):
+    for world in yaml_names(WORLDS):
         load("liu", world=world)
 
 
@@ -165,7 +165,7 @@ def test_a_scenario_names_files_beside_it(tmp_path):
 def test_all_kinds_and_scales_are_played_equally_often():
     scenario = Scenario(scale=(3, 5))
     shots = [scenario.shot(seed) for seed in range(16)]
-    assert {shot: shots.count(shot) for shot in shots} == {(kind, scale): 2 for kind in KINDS for scale in (3, 5)}
+    assert {shot: shots.count(shot) for shot in shots} == {(kind, scale): 2 for kind in SHOT_KINDS for scale in (3, 5)}
 
 
 def test_a_scenario_may_be_played_by_another_arm(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from tt_core.strict_yaml import MOST_BYTES, BadFile, build, read
+from tt_core.strict_yaml import MOST_YAML_BYTES, BadFile, build, read_yaml
 from tt_eval.scenario import Robot, Scenario
 from tt_racket.intercept import InterceptParams
 from tt_sim.cameras.camera_faults import CameraFaults
@@ -47,7 +47,7 @@ def load_text(text, file):
     """An instance, or BadFile that names the file."""
     file.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass"))
     try:
-        return build(Scenario, read(file), file.name)
+        return build(Scenario, read_yaml(file), file.name)
     except BadFile as error:
         assert error.file == file.name and error.problems and len(str(error)) < 100_000
         return None
@@ -96,7 +96,7 @@ def test_any_bytes_are_refused_or_a_scenario(content, tmp_path):
         "scale: 0x" + "f" * 50_000,
         "scale: " + "9" * 50_000,
         "\n".join(f"k{i}: 1" for i in range(9_000)),
-        "a" * (MOST_BYTES + 1),
+        "a" * (MOST_YAML_BYTES + 1),
         "\n".join(
             ["a0: &a0 [x, x]"] + [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 40)]
         ),  # each holds 9 of the last

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 from tt_core.states import BallState
-from tt_core.strict_yaml import names
+from tt_core.strict_yaml import yaml_names
 from tt_eval.episode import Trial
 from tt_eval.scenario import HOME, load
-from tt_eval.sensor_error_fit import SLOW, drawn, errors_seen
+from tt_eval.sensor_error_fit import SLOW_SPEED, draw_ball, errors_seen
 from tt_eval.sensor_error_model import FULL, SensorErrorModel, brightest, illumination, last_frame, saturated_share
 from tt_sim.render import Lamps, Noise, Texture, render
 from tt_vision.detection.ball_detection import SATURATED, find_ball
@@ -23,15 +23,15 @@ BALLS = 48  # new ones: the models were fitted to balls 0 to 799
 def test_the_model_agrees_with_images(name, slow):
     """The catapult's balls of all scales, and slower ones down to rest: all that scenarios play."""
     scenario = load(name)
-    sight, rows = SensorErrorModel.load(scenario.world.sensor_error_model), []
+    model, rows = SensorErrorModel.load(scenario.world.sensor_error_model), []
     for seed in range(4000 + slow, 4000 + slow + 2 * BALLS, 2):
-        passes, row = errors_seen(scenario, seed)
-        if row is not None:
-            trial = drawn(scenario, seed)
-            assert (np.linalg.norm(trial.ball.velocity) < SLOW) == slow
-            rows.append(row[:9] / sight.sigmas(trial.ball))
+        passes, measured = errors_seen(scenario, seed)
+        if measured is not None:
+            trial = draw_ball(scenario, seed)
+            assert (np.linalg.norm(trial.ball.velocity) < SLOW_SPEED) == slow
+            rows.append(measured.error / model.sigmas(trial.ball))
         else:
-            assert not passes or sight.refused > 0.0
+            assert not passes or model.refused > 0.0
     assert len(rows) > 0.7 * BALLS
     # the mean square over n balls of one normal error is 1 within 5 sqrt(2 / n); heavier tails and few balls: a factor of two
     squares = np.mean(np.square(rows), axis=0)
@@ -67,16 +67,16 @@ def test_a_fit_finds_the_errors_it_is_given(tmp_path):
     speeds, spins = rng.uniform(2, 14, n), rng.uniform(0, 900, n)
     causes = np.column_stack([np.ones(n), (spins / 300) ** 2, (speeds / 5) ** 2, (speeds / 5) ** 4])
     variances = causes @ parts.T
-    sight = SensorErrorModel.fitted(rng.standard_normal((n, 9)) * np.sqrt(variances), speeds, spins, 0.0)
+    model = SensorErrorModel.fitted(rng.standard_normal((n, 9)) * np.sqrt(variances), speeds, spins, 0.0)
     # the causes share what they explain; their sum over the balls is known to 5 sqrt(2 / 4000), and a factor for what one ball weighs
-    assert np.median(causes @ sight.parts.T / variances, axis=0) == pytest.approx(np.ones(9), abs=0.15)
-    sight.save(tmp_path / "s.yaml", "found")
+    assert np.median(causes @ model.parts.T / variances, axis=0) == pytest.approx(np.ones(9), abs=0.15)
+    model.save(tmp_path / "s.yaml", "found")
     saved = yaml.safe_load((tmp_path / "s.yaml").read_text())
-    assert saved["variances"]["velocity_x"] == pytest.approx(sight.parts[3], rel=1e-3)
+    assert saved["variances"]["velocity_x"] == pytest.approx(model.parts[3], rel=1e-3)
 
 
 def test_every_model_here_is_a_covariance():
-    for name in names(HOME / "sensor_error_models"):
-        sight = SensorErrorModel.load(name)
-        assert np.linalg.eigvalsh(sight.correlation).min() > -1e-2  # rounded to three digits
-        assert 0.0 <= sight.refused < 0.1
+    for name in yaml_names(HOME / "sensor_error_models"):
+        model = SensorErrorModel.load(name)
+        assert np.linalg.eigvalsh(model.correlation).min() > -1e-2  # rounded to three digits
+        assert 0.0 <= model.refused < 0.1

@@ -8,7 +8,7 @@ import pytest
 from tt_eval.episode import play, session
 from tt_eval.miss import Miss
 from tt_eval.scenario import load
-from tt_eval.sweep import part
+from tt_eval.sweep import simulate_balls
 from tt_sim.world.outcome import Result
 
 FAST = replace(load("pace", images=False), session=3)
@@ -56,6 +56,6 @@ def test_a_ball_is_one_of_its_session(fast):
 
 
 def test_a_sweep_of_sessions_is_the_same_however_it_is_cut():
-    whole = part(FAST, 0, 6).to_pylist()
-    assert str(part(FAST, 0, 2).to_pylist() + part(FAST, 2, 6).to_pylist()) == str(whole)
+    whole = simulate_balls(FAST, 0, 6).to_pylist()
+    assert str(simulate_balls(FAST, 0, 2).to_pylist() + simulate_balls(FAST, 2, 6).to_pylist()) == str(whole)
     assert [row["seed"] for row in whole] == list(range(6))

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 from refusals import check_named
 from tt_eval import rallies
-from tt_eval.evaluate import JUDGE, Sweep, judge_errors, returns
+from tt_eval.evaluate import SCORING_ERRORS, Sweep, returns, scoring_errors
 from tt_eval.evaluate import main as evaluate
 from tt_eval.scenario import load
-from tt_eval.sweep import NoScheduler, OtherSweep, part, sweep
+from tt_eval.sweep import NoScheduler, OtherSweep, simulate_balls, sweep
 
 SCENARIO = load("liu", images=False)
 BALLS = 24
@@ -23,7 +23,7 @@ BALLS = 24
 
 @pytest.fixture(scope="module")
 def whole():
-    return part(SCENARIO, 0, BALLS)
+    return simulate_balls(SCENARIO, 0, BALLS)
 
 
 def test_a_sweep_is_its_balls_however_it_is_cut(whole, tmp_path):
@@ -68,7 +68,7 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch, whole, capsys):
             done.append(first)
             if len(done) == 3:
                 raise KeyboardInterrupt
-            yield first, part(scenario, first, last)
+            yield first, simulate_balls(scenario, first, last)
 
     monkeypatch.setattr(module, "parts", some)
     with pytest.raises(KeyboardInterrupt):
@@ -139,7 +139,7 @@ def test_what_the_judge_gets_wrong_is_told(whole, tmp_path):
     pq.write_table(whole, run)
     sweep = Sweep.read(run)
     off = sweep.numbers["judged_landing_x"] - sweep.numbers["landing_x"]
-    errors = dict(zip(JUDGE, judge_errors(sweep), strict=True))
+    errors = dict(zip(SCORING_ERRORS, scoring_errors(sweep), strict=True))
     assert errors["landing x, mm"] == f"{1e3 * off.mean():+.2f} ± {1e3 * off.std():.2f}"
     assert np.abs(off).max() < 2e-3  # m; 1 mm at most in 200 balls on the day
     assert errors["miss told otherwise, balls"] == "0"
@@ -161,7 +161,7 @@ def test_a_file_that_is_no_sweep_is_refused(tmp_path, whole, monkeypatch, capsys
 
 def test_balls_that_are_not_there_are_refused_before_anything_starts(tmp_path, monkeypatch):
     monkeypatch.delenv("TT_DATA_DIR", raising=False)
-    rallies.shots.cache_clear()
+    rallies.reachable_shots.cache_clear()
     with pytest.raises(rallies.NoShots):
         sweep(load("rallies", images=False), 10, tmp_path / "run.parquet")
     assert not list(tmp_path.iterdir())

@@ -11,7 +11,7 @@ from tt_eval.miss import Miss
 from tt_eval.scenario import Robot, Scenario, load
 from tt_eval.video_scoring import fitted, kinks, score_from_video
 from tt_sim.cameras.tracking_cameras import Sightings, TrackingCameraFaults
-from tt_sim.world.outcome import Outcome, Result, places
+from tt_sim.world.outcome import Outcome, Result, free_flight_positions
 from tt_sim.world.true_ball import Contact, Surface
 
 AIR = Aerodynamics.measured().coefficients
@@ -26,7 +26,7 @@ def test_a_fit_finds_the_flight_it_is_given():
     ball, times = np.array([-0.2, 0.7, 0.25, 3.5, 0.3, 2.5, 0.0, 120.0, 60.0]), np.arange(0.0, 0.6, 1 / 150)
     across = ball[6:] - (ball[6:] @ ball[3:6]) / (ball[3:6] @ ball[3:6]) * ball[3:6]
     ball[6:] = across
-    found = fitted(times, places(ball, times, AIR), AIR)
+    found = fitted(times, free_flight_positions(ball, times, AIR), AIR)
     assert found[:6] == pytest.approx(ball[:6], abs=1e-3)  # m, m/s
     assert found[6:] == pytest.approx(ball[6:], abs=5.0)  # rad/s; what is expected of the spin draws it in a little
 
@@ -80,10 +80,10 @@ def test_what_is_not_a_return_is_told_apart(velocity, result, surface):
     """Flights made up here: a ball hit at x = -0.2 that flies until it meets the table's height."""
     air = Aerodynamics.gravity_only()
     coming = BallState(0.0, [2.0, 0.7, 0.3], [-4.0, 0.0, 2.4], [0, 0, 0])
-    at = places(coming.vector, np.array([0.5]), air.coefficients)[0]
+    at = free_flight_positions(coming.vector, np.array([0.5]), air.coefficients)[0]
     back = BallState(0.5, at, velocity, [0, 0, 0])
     fall = 0.5 + (velocity[2] + np.sqrt(velocity[2] ** 2 + 2 * 9.8 * (at[2] - 0.02))) / 9.8
-    end = places(back.vector, np.array([fall - 0.5]), air.coefficients)[0]
+    end = free_flight_positions(back.vector, np.array([fall - 0.5]), air.coefficients)[0]
     speed = np.array([*velocity[:2], velocity[2] - 9.8 * (fall - 0.5)])
     down, up = BallState(fall, end, speed, [0, 0, 0]), BallState(fall, end, speed * [1, 1, -0.9], [0, 0, 0])
     contacts = [Contact(Surface.RACKET, BallState(0.5, at, [-4, 0, -2.5], [0, 0, 0]), back)]

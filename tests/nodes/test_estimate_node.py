@@ -17,7 +17,7 @@ from tt_core.failures import Failure
 from tt_core.flight import fly
 from tt_core.images import MOST_PIXELS
 from tt_core.physics import Physics
-from tt_core.ros.convert import NEWEST, ball_from_message, camera_to_message, image_to_message
+from tt_core.ros.convert import LARGEST_STAMP, ball_from_message, camera_to_message, image_to_message
 from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.states import BallState
@@ -147,9 +147,9 @@ BAD_IMAGES = {
     "step": (lambda: flat(step=200, data=bytes(200 * 232)), Failure(MessageFailure.SMALL_STEP, step=200)),
     "length": (lambda: flat(data=bytes(100)), Failure(MessageFailure.OTHER_LENGTH, size=100)),
     "other size": (lambda: flat(width=100, height=100, step=100, data=bytes(10**4)), Failure(ValueFailure.BAD_SHAPE, shape=(100, 100))),
-    "before 1970": (lambda: stamped(-5, 0), out_of_range(value=-5.0, high=NEWEST)),
+    "before 1970": (lambda: stamped(-5, 0), out_of_range(value=-5.0, high=LARGEST_STAMP)),
     "nanoseconds": (lambda: stamped(0, 4 * 10**9), Failure(MessageFailure.BAD_STAMP, nanosec=4 * 10**9)),
-    "end of time": (lambda: stamped(2**31 - 1, 999999999), out_of_range(high=NEWEST)),
+    "end of time": (lambda: stamped(2**31 - 1, 999999999), out_of_range(high=LARGEST_STAMP)),
     "oversize": (lambda: flat(width=5000, height=5000, step=5000, data=bytes(25 * 10**6)), Failure(MessageFailure.TOO_LARGE)),
 }
 

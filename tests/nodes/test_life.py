@@ -130,8 +130,8 @@ def test_it_tells_what_it_waits_for(probe, until, monkeypatch):
     def refuse(error: TtError) -> None:
         raise error
 
-    monkeypatch.setattr(status_module, "GRACE", 2.5)
-    monkeypatch.setattr(status_module, "PERIOD", 0.2)
+    monkeypatch.setattr(status_module, "START_GRACE", 2.5)
+    monkeypatch.setattr(status_module, "STATUS_PERIOD", 0.2)
     probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(message.status), RELIABLE)
     ball = Input(probe, Odometry, "ball/state", lambda _: None, RELIABLE, largest=10_000, refused=refuse)
     Status(probe).wait_for([ball])

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import MessageFailure, ValueFailure
 from tt_core.failures import Failure
 from tt_core.physics import Physics
-from tt_core.ros.convert import NEWEST, VARIANCE, ball_to_message, path_from_message
+from tt_core.ros.convert import LARGEST_STAMP, VARIANCE, ball_to_message, path_from_message
 from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE
 from tt_core.states import BallState
@@ -94,9 +94,9 @@ BAD_STATES = {  # and what the refusal tells
     "negative variance": (state(twist=(0, -1.0)), Failure(MessageFailure.NEGATIVE_VARIANCE, name="covariance of the twist", variance=-1.0)),
     "not symmetric": (state(twist=(1, 0.5)), Failure(MessageFailure.NOT_SYMMETRIC, difference=0.5)),
     "orientation": (state(pose=(35, -1.0)), Failure(MessageFailure.NEGATIVE_VARIANCE, name="covariance of the pose", variance=-1.0)),
-    "before 1970": (state(stamp=(-1, 0)), Failure(ValueFailure.OUT_OF_RANGE, value=-1.0, high=NEWEST)),
+    "before 1970": (state(stamp=(-1, 0)), Failure(ValueFailure.OUT_OF_RANGE, value=-1.0, high=LARGEST_STAMP)),
     "nanoseconds": (state(stamp=(0, 4 * 10**9)), Failure(MessageFailure.BAD_STAMP, nanosec=4 * 10**9)),
-    "end of time": (state(stamp=(2**31 - 1, 0)), Failure(ValueFailure.OUT_OF_RANGE, value=2.0**31 - 1.0, high=NEWEST)),
+    "end of time": (state(stamp=(2**31 - 1, 0)), Failure(ValueFailure.OUT_OF_RANGE, value=2.0**31 - 1.0, high=LARGEST_STAMP)),
     "other frame": (state(child_frame_id="racket"), Failure(MessageFailure.OTHER_FRAME)),
     "oversize": (state(child_frame_id="x" * 10**5), Failure(MessageFailure.TOO_LARGE)),
 }

@@ -5,7 +5,7 @@ import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from tt_core.ros.presence import NAME, STANDSTILL, TICK, Presence
+from tt_core.ros.presence import NAME, PRESENCE_CHECK_INTERVAL, STANDSTILL, Presence
 from tt_core.ros.qos import RELIABLE
 
 LEASE = 2.0  # s, of config/fastdds.xml
@@ -59,7 +59,9 @@ def test_it_announces_itself_when_a_node_is_gone(probe, until, announced, other)
     leaving = other("leaving")
     until(lambda: "leaving" in probe.get_node_names(), probe)
     seen = time.monotonic()
-    until(lambda: time.monotonic() > seen + 2 * TICK, probe)  # until the check of the Presence has run and knows the other node
+    until(
+        lambda: time.monotonic() > seen + 2 * PRESENCE_CHECK_INTERVAL, probe
+    )  # until the check of the Presence has run and knows the other node
     leaving.destroy_node()
     announced()
 

@@ -11,7 +11,7 @@ from tt_core.errors import MessageFailure, ValueFailure
 from tt_core.failures import Failure
 from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.ros.convert import FROM_START, MOST_POINTS, NEWEST, goal_to_message, path_to_message, strokes_from_message
+from tt_core.ros.convert import FROM_START, LARGEST_STAMP, MOST_PATH_POINTS, goal_to_message, path_to_message, strokes_from_message
 from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
 from tt_core.states import BallState, ReturnGoal
@@ -90,12 +90,12 @@ BAD = {  # for paths and goals, from a good message, and what the refusal tells
     "infinite": (lambda m: with_numbers(m, -math.inf), Failure(ValueFailure.NOT_FINITE)),
     "1e17": (lambda m: with_numbers(m, 1e17), out_of_range(value=1e17)),
     "no points": (lambda m: with_points(m, []), out_of_range(value=0.0, low=1)),
-    "many points": (lambda m: with_points(m, list(m.points)[:1] * 2500), out_of_range(value=2500.0, high=MOST_POINTS)),
+    "many points": (lambda m: with_points(m, list(m.points)[:1] * 2500), out_of_range(value=2500.0, high=MOST_PATH_POINTS)),
     "oversize": (lambda m: with_points(m, list(m.points)[:1] * 10**5), Failure(MessageFailure.TOO_LARGE)),
     "no transforms": (without_transforms, Failure(MessageFailure.INCOMPLETE_POINT)),
     "late": (lambda m: at(m, 2**31 - 1), out_of_range(value=2.0**31 - 1.0, high=FROM_START[1])),
     "early": (lambda m: at(m, -(2**31)), out_of_range(value=-(2.0**31), low=FROM_START[0])),
-    "before 1970": (lambda m: stamped(m, -1), out_of_range(low=0.0, high=NEWEST)),
+    "before 1970": (lambda m: stamped(m, -1), out_of_range(low=0.0, high=LARGEST_STAMP)),
     "nanoseconds": (lambda m: stamped(m, 0, 4 * 10**9), Failure(MessageFailure.BAD_STAMP, nanosec=4 * 10**9)),
 }
 BAD_PATHS = BAD | {"wrong order": (lambda m: with_points(m, list(m.points)[::-1]), Failure(ValueFailure.DECREASING))}

@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 from tt_core.ros.bags import Bag
 from tt_core.ros.diagnostics import read_status
 from tt_core.ros.qos import RELIABLE
-from tt_tools.describe import describe
+from tt_tools.describe import describe_bag
 from tt_tools.record import DiskFailure, Recording
 from tt_tools.record_node import offered_qos
 from tt_tools.reindex import reindex
@@ -103,7 +103,7 @@ def test_it_records_what_matches_and_attaches_what_the_graph_is(start, probe, un
     until(lambda: all(name.encode() in (bag / "bag.mcap").read_bytes() for name in names) or outputs[0].publish(Point()), probe)
     recorder.send_signal(signal.SIGINT)
     assert recorder.wait(timeout=120) == 0
-    found = describe(bag)
+    found = describe_bag(bag)
     assert {topic.name for topic in found.topics} == {"/ball_a", "/joint", "/robot_description"}
     assert set(found.attachments) == set(names)
     with (bag / "bag.mcap").open("rb") as stream:

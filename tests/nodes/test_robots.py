@@ -5,10 +5,10 @@ import sys
 
 import pytest
 from nodes.test_rally import run
-from tt_core.robots import DEFAULT, robots
+from tt_core.robots import DEFAULT_ROBOT, robots
 
 
-@pytest.mark.parametrize("robot", sorted(set(robots()) - {DEFAULT}))
+@pytest.mark.parametrize("robot", sorted(set(robots()) - {DEFAULT_ROBOT}))
 def test_it_plays_a_ball(robot, tmp_path):
     out, figures = tmp_path / "out", tmp_path / "demo.json"
     options = {"robot": robot, "balls": 1, "seed": 3, "rtf": 0.3, "json": figures, "out": out}

@@ -14,9 +14,9 @@ from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.identify import NoFlights, Predictor, identify, main, with_coefficients, write_parameters
 from tt_predict.landings import landing, up_to_landing
-from tt_predict.recordings import BALL_ROW, BadTimes, Flight, aimy, cut, load
+from tt_predict.recordings import BALL_ROW, BadTimes, Flight, aimy, cut, load_flights
 from tt_predict.rollout import StopRule, rollout
-from tt_predict.validate import landing_error, validate
+from tt_predict.validate import predicted_landing_error, validate
 
 TRUE = with_coefficients(Physics.liu(), ["air.drag", "air.lift", "table.restitution"], [0.44, 0.11, 0.9])
 
@@ -77,7 +77,7 @@ def test_a_recorded_landing_is_where_the_ball_bounced():
         assert time == pytest.approx(bounce.time, abs=1e-4)
         assert place == pytest.approx(bounce.position[:2], abs=1e-3)
         assert up_to_landing(flight).times[-1] < time
-        assert max(landing_error(flight, TRUE, flight.spin)) < 1e-3
+        assert max(predicted_landing_error(flight, TRUE, flight.spin)) < 1e-3
 
 
 def test_rows_are_cut_into_flights():
@@ -105,7 +105,7 @@ def test_a_bag_gives_the_coefficients_of_the_balls_in_it(tmp_path, capsys):
         for time in np.arange(path.times[0], path.times[-1], 1 / 150):
             recording.add("/ball/state", int(1e9 * time), serialize_message(ball_to_message(path.at(time))))
     recording.close()
-    assert len(load(tmp_path / "bag", "/ball/state")) == 2
+    assert len(load_flights(tmp_path / "bag", "/ball/state")) == 2
     assert main([str(tmp_path / "bag"), "--output", str(tmp_path / "found.yaml")]) == 0
     assert "air.drag" in capsys.readouterr().out
     values = yaml.safe_load((tmp_path / "found.yaml").read_text())["/**/predict"]["ros__parameters"]

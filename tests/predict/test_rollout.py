@@ -9,7 +9,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from tt_core.constants import BALL_RADIUS, FLOOR_Z, NET_HEIGHT, NET_X
 from tt_core.errors import BadChoice, NotFinite, OutOfRange
-from tt_core.events import FARTHEST
+from tt_core.events import LARGEST_COORDINATE
 from tt_core.flight import Aerodynamics, fly
 from tt_core.path_end import PathEnd
 from tt_core.physics import Physics
@@ -199,7 +199,7 @@ def test_whatever_the_state_the_path_is_finite_and_bounded(vector, stop):
         path = rollout(BallState.from_vector(0.0, np.array(vector)), physics, stop, method=method)
         assert len(path.times) < 30_000
         assert np.isfinite(path.positions).all() and np.isfinite(path.velocities).all() and np.isfinite(path.spins).all()
-        assert (np.abs(path.positions[1:]) <= FARTHEST).all()
+        assert (np.abs(path.positions[1:]) <= LARGEST_COORDINATE).all()
         few = thinned(path)
         assert len(few.times) <= MOST_POINTS
 

@@ -11,7 +11,7 @@ from tt_core.errors import BadChoice, TtError
 from tt_core.physics import Physics
 from tt_core.states import BallState, ReturnGoal
 from tt_racket.failures import StrokeFailure
-from tt_racket.goal_relaxation import AS_ASKED, GoalPart, RelaxationParams, relax_goal, relax_part
+from tt_racket.goal_relaxation import AS_ASKED, GoalPart, RelaxationParams, Return, relax_goal, relax_part
 from tt_racket.stroke import solve
 
 PHYSICS = Physics.liu()
@@ -52,12 +52,12 @@ def test_a_relaxed_goal_is_feasible_and_changes_only_what_it_names(ball, goal):
 @settings(max_examples=40)
 @given(balls, goals)
 def test_the_order_decides_what_is_given_up(ball, goal):
-    asked = solve(ball, goal, PHYSICS)
+    asked = Return(ball, goal, solve(ball, goal, PHYSICS))
     alone = relaxed_alone(ball, goal)
     for order in (("spin", "time", "place"), ("place", "spin"), ("time",)):
-        relaxed = relax_goal(ball, goal, PHYSICS, RelaxationParams(order=order))
+        relaxed = relax_goal(asked, PHYSICS, RelaxationParams(order=order))
         first = next((name for name in order if name in alone), None)
-        if asked.racket:
+        if asked.stroke.racket:
             assert relaxed.relaxation == AS_ASKED
         elif first is not None:
             assert relaxed.relaxation.parts is PARTS[first] and relaxed.relaxation.rank(order) == order.index(first)
@@ -74,7 +74,8 @@ def test_as_much_spin_is_kept_as_the_rubber_gives():
 
 
 def test_the_time_is_as_near_as_the_net_lets_it():
-    relaxed = relax_goal(BALL, ReturnGoal([2.0, 0.7], 0.25, 0, 0), PHYSICS, RelaxationParams(order=("time",)))
+    goal = ReturnGoal([2.0, 0.7], 0.25, 0, 0)
+    relaxed = relax_goal(Return(BALL, goal, solve(BALL, goal, PHYSICS)), PHYSICS, RelaxationParams(order=("time",)))
     assert relaxed.relaxation.parts is GoalPart.TIME and relaxed.relaxation.time == pytest.approx(relaxed.goal.flight_time - 0.25)
     shorter = ReturnGoal([2.0, 0.7], relaxed.goal.flight_time - 0.004, 0, 0)
     assert solve(BALL, shorter, PHYSICS).reason.code is StrokeFailure.NET
@@ -87,13 +88,14 @@ def test_a_slow_racket_is_told_by_how_much_and_the_goal_is_relaxed():
     assert slow.missing == pytest.approx(np.linalg.norm(fast.racket.velocity) - 2.0)
     assert slow.reason.code is StrokeFailure.RACKET_TOO_FAST and slow.reason.values["bound"] == 2.0
     assert slow.reason.values["speed"] == pytest.approx(np.linalg.norm(fast.racket.velocity))
-    relaxed = relax_goal(BALL, goal, PHYSICS, racket_speed=2.0)
+    relaxed = relax_goal(Return(BALL, goal, slow), PHYSICS, racket_speed=2.0)
     assert relaxed.relaxation != AS_ASKED and np.linalg.norm(relaxed.stroke.racket.velocity) <= 2.0
 
 
 def test_what_nothing_helps_stays_as_asked_with_the_reason():
     away = BallState(0.0, [-0.15, 0.7, 0.25], [2.5, 0, 0.1], [0, 150, 0])
-    relaxed = relax_goal(away, ReturnGoal([2.0, 0.7], 0.6, 0, 0), PHYSICS)
+    goal = ReturnGoal([2.0, 0.7], 0.6, 0, 0)
+    relaxed = relax_goal(Return(away, goal, solve(away, goal, PHYSICS)), PHYSICS)
     assert relaxed.relaxation == AS_ASKED and relaxed.stroke.reason.code is StrokeFailure.BALL_LEAVES
     assert math.isinf(relaxed.stroke.residual)
     with pytest.raises(BadChoice) as error:

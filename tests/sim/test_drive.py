@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_core.errors import BadShape, NotFinite, OutOfRange, TtError
-from tt_sim.world.drive import LARGEST, Drive, DriveParams
+from tt_sim.world.drive import LARGEST_SPEED_COMMAND, Drive, DriveParams
 from tt_sim.world.plant import Plant
 
 MODEL, TICK, TIMEOUT = ArmModel.pa10(), 0.002, 0.1
-SPEED = st.floats(-LARGEST, LARGEST)
+SPEED = st.floats(-LARGEST_SPEED_COMMAND, LARGEST_SPEED_COMMAND)
 
 
 def drive():

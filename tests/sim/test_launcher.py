@@ -7,7 +7,7 @@ from tt_core.errors import BadChoice, OutOfRange
 from tt_core.physics import Physics
 from tt_core.states import BallState
 from tt_predict.rollout import StopRule, rollout
-from tt_sim.world.launcher import KINDS, LANDING_X, LauncherParams, launch, row
+from tt_sim.world.launcher import LANDING_X, SHOT_KINDS, LauncherParams, launch, shot_row
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ def test_shots_are_those_of_the_tables(kind, scale, v_x, v_z, spin):
     assert np.mean([b.spin for b in balls], axis=0) == pytest.approx(spin, abs=10.0)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SHOT_KINDS)
 @pytest.mark.parametrize("scale", [3, 4, 5])
 def test_every_shot_bounces_once_on_the_robots_half_and_comes_within_reach(kind, scale):
     rng = np.random.default_rng(2)
@@ -34,13 +34,13 @@ def test_every_shot_bounces_once_on_the_robots_half_and_comes_within_reach(kind,
         assert orientation @ orientation.T == pytest.approx(np.eye(3), abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SHOT_KINDS)
 def test_scales_without_a_row_go_on_as_the_rows_do(kind):
-    rows = [row(kind, scale) for scale in range(1, 11)]
+    rows = [shot_row(kind, scale) for scale in range(1, 11)]
     assert np.all(np.diff([r[0][0] for r in rows]) < 0.0) and np.all(np.diff([r[2][0] for r in rows]) > 0.0)  # faster, more spin
     axis = launch(kind, 3, LauncherParams(axis_scatter=0.0), np.random.default_rng(1))[0].spin
     for scale in (1, 2, 6, 7, 8, 9, 10):
-        (v_x, _), (v_z, _), (spin, _) = row(kind, scale)
+        (v_x, _), (v_z, _), (spin, _) = shot_row(kind, scale)
         ball = BallState(0.0, [LauncherParams.x, LauncherParams.y, LauncherParams.z], [v_x, 0, v_z], spin * axis / np.linalg.norm(axis))
         path = rollout(ball, Physics.liu(), StopRule.at_landing())
         if path.end.position[0] != pytest.approx(LANDING_X, abs=1e-6):  # then it only just clears the net: 1 mm/s lower it does not
@@ -48,9 +48,9 @@ def test_scales_without_a_row_go_on_as_the_rows_do(kind):
             assert path.end.position[0] < LANDING_X and rollout(lower, Physics.liu(), StopRule.at_landing()).ended == "net"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SHOT_KINDS)
 def test_extrapolated_scales_are_balls_that_are_played(kind):
-    rows = np.array([row(kind, scale) for scale in range(1, 11)])
+    rows = np.array([shot_row(kind, scale) for scale in range(1, 11)])
     speed, spin = np.hypot(rows[:, 0, 0], rows[:, 1, 0]), rows[:, 2, 0]
     assert np.all(np.diff(speed[1:]) > 0.0) and 4.5 < speed.min() < speed[0] < 6.5 and 13.0 < speed.max() < 14.0  # m/s; scale 1 is a lob
     assert spin.min() > 180.0 and spin.max() < 9129 * RPM  # rad/s, the most in match play
@@ -72,7 +72,7 @@ def test_a_seed_gives_its_ball_again():
 def test_bad_values_name_themselves():
     with pytest.raises(BadChoice) as choice:
         launch("smash", 3, LauncherParams(), np.random.default_rng(0))
-    assert (choice.value.name, choice.value.value, choice.value.choices) == ("kind", "smash", KINDS)
+    assert (choice.value.name, choice.value.value, choice.value.choices) == ("kind", "smash", SHOT_KINDS)
     for make, wrong in (
         (lambda: launch("top", 11, LauncherParams(), np.random.default_rng(0)), ("scale", 11, 1, 10)),
         (lambda: LauncherParams(rate=-3), ("rate", -3, 26, 94)),

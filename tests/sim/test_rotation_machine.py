@@ -5,7 +5,7 @@ import pytest
 from tt_core.constants import RPM
 from tt_eval.episode import Trial, play
 from tt_eval.scenario import load
-from tt_eval.sweep import part
+from tt_eval.sweep import simulate_balls
 from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.render import Scene
 from tt_sim.world import rotation_machine
@@ -14,7 +14,7 @@ from tt_vision.rig import VIEW_CENTRE
 
 
 def test_all_axes_and_speeds_come_by_turns():
-    balls = [rotation_machine.ball(i) for i in range(16)]
+    balls = [rotation_machine.rotating_ball(i) for i in range(16)]
     spins = {tuple(np.round(ball.spin, 6)) for ball in balls}
     assert len(spins) == 8
     assert {round(float(np.linalg.norm(ball.spin)) / RPM) for ball in balls} == {1500, 2000, 2500, 3000}
@@ -35,7 +35,7 @@ def test_the_ball_stays_where_it_is_held(world):
 
 
 def test_a_sweep_tells_the_errors_of_the_measurement():
-    rows = part(load("rotation"), 0, 8).to_pylist()
+    rows = simulate_balls(load("rotation"), 0, 8).to_pylist()
     assert [row["kind"] for row in rows] == ["rotation"] * 8 and all(row["seen"] for row in rows)
     assert sorted(round(row["spin_rpm"]) for row in rows) == [1500, 1500, 2000, 2000, 2500, 2500, 3000, 3000]
     for row in rows:

@@ -11,7 +11,7 @@ from tt_core.flight import Aerodynamics, fly
 from tt_core.states import BallState
 from tt_sim.cameras.tracking_cameras import Sightings, TrackingCameraFaults, TrackingCameraPair, believed
 from tt_sim.render import Lamp, Lamps, Noise, Texture, render
-from tt_sim.world.outcome import AFTER_LANDING, Outcome, places
+from tt_sim.world.outcome import AFTER_LANDING, Outcome, free_flight_positions
 from tt_sim.world.true_ball import Contact, Surface
 from tt_vision.camera import triangulate
 
@@ -32,7 +32,7 @@ def test_places_are_those_of_the_flight():
     for _ in range(50):
         ball, times = np.concatenate([np.zeros(3), rng.normal(0, 5, 3), rng.normal(0, 200, 3)]), np.sort(rng.uniform(0, 0.7, 30))
         exact = [fly(ball, t, AIR)[:3] for t in times]
-        assert places(ball, times, AIR) == pytest.approx(np.array(exact), abs=1e-5)  # m, as it promises
+        assert free_flight_positions(ball, times, AIR) == pytest.approx(np.array(exact), abs=1e-5)  # m, as it promises
 
 
 def test_a_flight_is_seen_on_both_sides_of_a_contact_until_it_is_over():
@@ -46,7 +46,9 @@ def test_a_flight_is_seen_on_both_sides_of_a_contact_until_it_is_over():
     assert 5.0 <= seen.times[0] < 5.0 + 1 / 150 and 6.1 + AFTER_LANDING - 1 / 150 <= seen.times[-1] <= 6.1 + AFTER_LANDING
     at = triangulate(believed(), seen.pixels)
     before, after = np.searchsorted(seen.times, 5.3), np.searchsorted(seen.times, 5.8)
-    assert at[before] == pytest.approx(fly(launched.vector, seen.times[before] - 5.0, AIR)[:3], abs=2e-5)  # m, as of `places`
+    assert at[before] == pytest.approx(
+        fly(launched.vector, seen.times[before] - 5.0, AIR)[:3], abs=2e-5
+    )  # m, as of `free_flight_positions`
     assert at[after] == pytest.approx(fly(back.vector, seen.times[after] - 5.6, AIR)[:3], abs=2e-5)
 
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from refusals import refused
 from tt_tools import packages
-from tt_tools.launch import REFUSED, RESTARTS, LaunchError, Process, System, arguments, processes, read, substitute
+from tt_tools.launch import REFUSED, RESTARTS, LaunchError, Process, System, declared_arguments, processes, read_launch_file, substitute
 
 SOURCES = Path(__file__).parents[2] / "ros_ws" / "src"
 LAUNCH_FILES = sorted((SOURCES / "tt_bringup" / "launch").glob("*.launch.yaml"))
@@ -133,11 +133,11 @@ def test_an_unknown_argument_names_the_known_ones(file):
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_nodes_exist(path):
     """Every node is installed by its package, and every argument is told and used."""
-    for kind, keys in read(path):
+    for kind, keys in read_launch_file(path):
         if kind == "node":
             setup = (SOURCES / keys["pkg"] / "setup.py").read_text()
             assert f"scripts/{keys['exec']}" in {node.value for node in ast.walk(ast.parse(setup)) if isinstance(node, ast.Constant)}
-    for argument in arguments(path):
+    for argument in declared_arguments(path):
         assert argument.description
         assert f"$(var {argument.name})" in path.read_text()
 
@@ -163,7 +163,7 @@ def test_our_files_are_what_the_frontend_of_ros_takes(path):
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_our_nodes_are_started_again_but_the_arm_is_enabled_once(path):
     """What a restart would repeat is in no parameter. A view that cannot serve its page does not end the robot."""
-    nodes = [keys for kind, keys in read(path) if kind == "node"]
+    nodes = [keys for kind, keys in read_launch_file(path) if kind == "node"]
     again = {keys["exec"] for keys in nodes if keys.get("respawn") == "true"}
     assert again == {keys["exec"] for keys in nodes} - {"play_node", "enable", "robot_state_publisher", "view_node"}
     assert all(keys.get("respawn") == "true" or "on_exit" in keys for keys in nodes if keys["exec"] in again)
@@ -213,7 +213,7 @@ def test_a_failure_is_remembered_and_the_others_go_on():
 
 
 def test_who_does_not_listen_is_killed(monkeypatch):
-    monkeypatch.setattr("tt_tools.launch.PATIENCE", 0.5)
+    monkeypatch.setattr("tt_tools.launch.SIGNAL_TIMEOUT", 0.5)
     deaf = "import signal, time\nfor n in (2, 15): signal.signal(n, signal.SIG_IGN)\nprint('deaf', flush=True)\ntime.sleep(600)"
     system = System([Process("deaf", python(deaf))], lambda line: line == "[deaf] deaf" and system.interrupt())
     with system:

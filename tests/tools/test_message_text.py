@@ -13,9 +13,9 @@ from trajectory_msgs.msg import JointTrajectory
 from tt_tools import packages
 from tt_tools.errors import GraphError
 from tt_tools.interface_text import definition, nested_type
-from tt_tools.listen import bandwidth, part, spread
-from tt_tools.message_text import FieldError, TextOptions, from_values, to_csv, to_plain, to_yaml, values_of
-from tt_tools.node_parameters import parameter_file
+from tt_tools.listen import bandwidth, message_part, statistics
+from tt_tools.message_text import FieldError, TextOptions, message_from_values, to_csv, to_plain, to_yaml, values_of
+from tt_tools.node_parameters import parameter_file_text
 
 MESSAGES = packages.interfaces("msg")
 
@@ -42,8 +42,8 @@ def filled(kind, depth=0):
 
 @pytest.mark.parametrize("kind", MESSAGES)
 def test_a_message_takes_the_values_that_it_gives(kind):
-    message = from_values(packages.interface(kind), filled(kind))
-    assert message == from_values(packages.interface(kind), yaml.safe_load(to_yaml(message)))
+    message = message_from_values(packages.interface(kind), filled(kind))
+    assert message == message_from_values(packages.interface(kind), yaml.safe_load(to_yaml(message)))
     assert to_plain(message) == yaml.safe_load(to_yaml(message, TextOptions(flow=True)))
 
 
@@ -74,9 +74,9 @@ def test_long_and_numerous_things_are_cut():
 def test_words_stand_for_the_time():
     now = Header().stamp.__class__(sec=5)
     for values in ("{header: auto, joint_names: [a]}", "{header: {stamp: now}}"):
-        assert from_values(JointTrajectory, values_of(values), now).header.stamp.sec == 5
+        assert message_from_values(JointTrajectory, values_of(values), now).header.stamp.sec == 5
     with pytest.raises(FieldError):
-        from_values(JointTrajectory, values_of("{header: auto}"))
+        message_from_values(JointTrajectory, values_of("{header: auto}"))
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_words_stand_for_the_time():
 )
 def test_a_value_of_another_type_is_refused_with_its_field(values, field):
     with pytest.raises(FieldError) as caught:
-        from_values(ParameterValue, values_of(values))
+        message_from_values(ParameterValue, values_of(values))
     assert caught.value.field == field
 
 
@@ -102,16 +102,16 @@ def test_what_is_no_mapping_is_refused(text):
 
 
 def test_a_part_of_a_message_is_named_by_its_path():
-    message = from_values(JointTrajectory, values_of("{points: [{positions: [1, 2]}, {time_from_start: {sec: 4}}]}"))
-    assert part(message, "points[0].positions[1]") == 2.0 and part(message, "points[1].time_from_start.sec") == 4
-    assert part(message, "") is message
+    message = message_from_values(JointTrajectory, values_of("{points: [{positions: [1, 2]}, {time_from_start: {sec: 4}}]}"))
+    assert message_part(message, "points[0].positions[1]") == 2.0 and message_part(message, "points[1].time_from_start.sec") == 4
+    assert message_part(message, "") is message
     for wrong in ("point", "points[9]", "points[a]", "points[0].speed", "points..x"):
         with pytest.raises(GraphError):
-            part(message, wrong)
+            message_part(message, wrong)
 
 
 def test_figures_of_a_topic():
-    assert spread([1.0, 3.0]) == (2.0, 1.0, 3.0, 1.0)
+    assert statistics([1.0, 3.0]) == (2.0, 1.0, 3.0, 1.0)
     assert bandwidth([(0.0, 100), (1.0, 300)], 2.0) == "200 B/s from 2 messages\n\tMessage size mean: 200 B min: 100 B max: 300 B"
     assert bandwidth([(0.0, 2e6), (1.0, 2e6)], 2.0).startswith("2.00 MB/s from 2 messages\n")
 
@@ -119,7 +119,7 @@ def test_figures_of_a_topic():
 def test_parameters_become_a_file_that_ros_reads(tmp_path):
     values = {"right": "/dev/video1", "right.matrix": [1.0, 2.0], "swing.limit.speed": 3.0, "swing.profile": "auto", "n": 4, "empty": []}
     messages = [Parameter(name, value=value).get_parameter_value() for name, value in values.items()]
-    (tmp_path / "file.yaml").write_text(parameter_file("/camera", list(values), messages))
+    (tmp_path / "file.yaml").write_text(parameter_file_text("/camera", list(values), messages))
     found = parameter_dict_from_yaml_file(str(tmp_path / "file.yaml"), target_nodes=["/camera"])
     for name, value in values.items():
         assert name == "empty" or np.array_equal(parameter_value_to_python(found[name].value), value), name

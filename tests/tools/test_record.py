@@ -18,14 +18,14 @@ from refusals import check_named, refused
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from tt_core.failures import Failure
-from tt_core.ros.bags import TYPES, Bag, BagError
+from tt_core.ros.bags import TYPESTORE, Bag, BagError
 from tt_tools import record
 from tt_tools.bagfile import CHUNK, CHUNK_SHARE, BagFile, SplitRule
-from tt_tools.describe import describe, lines
+from tt_tools.describe import describe_bag, lines
 from tt_tools.record import DiskFailure, Recording
 from tt_tools.reindex import compress, reindex
 
-POINT = TYPES.types["geometry_msgs/msg/Point"]
+POINT = TYPESTORE.types["geometry_msgs/msg/Point"]
 START = 1_700_000_000_000_000_000  # ns
 PERIOD = 1_000_000  # ns
 ANY = QosTime(9223372036, 854775807)
@@ -35,7 +35,7 @@ LATCHED = Qos(
 
 
 def point(i):
-    return bytes(TYPES.serialize_cdr(POINT(float(i), 2.0, -1.0), "geometry_msgs/msg/Point"))
+    return bytes(TYPESTORE.serialize_cdr(POINT(float(i), 2.0, -1.0), "geometry_msgs/msg/Point"))
 
 
 def write(directory, count):
@@ -179,7 +179,7 @@ def test_what_cannot_be_reindexed_says_so(tmp_path):
 def test_a_description_tells_size_and_counts(tmp_path, form):
     rows = [("/point", "geometry_msgs/msg/Point", START + i * PERIOD, POINT(float(i), 2.0, -1.0)) for i in range(1001)]
     path = FORMS[form](tmp_path, rows)
-    found = describe(path, sizes=True)
+    found = describe_bag(path, sizes=True)
     assert (found.start, found.end, found.files) == (START, START + 1000 * PERIOD, [file_of(path).name])
     assert (found.size, found.sizes) == (file_of(path).stat().st_size, {"/point": 1001 * len(point(0))})
     text = list(lines(found, "count"))
@@ -198,7 +198,7 @@ def test_a_recording_is_split_and_reads_as_one(tmp_path, split, least):
     for i in range(40):
         recording.add("/image", START + i * PERIOD, IMAGE)
     summary = recording.close()
-    found = describe(tmp_path / "bag")
+    found = describe_bag(tmp_path / "bag")
     assert least <= len(found.files) == len(list((tmp_path / "bag").glob("*.mcap")))
     assert found.attachments == ["note.txt"] and summary.counts == {"/image": 40} and found.topics[0].count == 40
     if split.size:
@@ -219,7 +219,7 @@ def test_a_compressed_recording_is_smaller_and_the_same(tmp_path, how):
     recording.close()
     if how == "afterwards":
         compress(tmp_path / "bag", "zstd")
-    assert describe(tmp_path / "bag").size < 100_000 and describe(tmp_path / "bag").attachments == ["note.txt"]
+    assert describe_bag(tmp_path / "bag").size < 100_000 and describe_bag(tmp_path / "bag").attachments == ["note.txt"]
     with Bag(tmp_path / "bag") as reader:
         assert [(message.time, message.data) for message in reader.messages()] == [(START + i * PERIOD, IMAGE) for i in range(40)]
 
@@ -232,11 +232,13 @@ def test_attachments_outlive_a_crash(tmp_path):
     with (tmp_path / "bag" / "bag.mcap").open("r+b") as stream:
         stream.truncate(int(0.7 * (tmp_path / "bag" / "bag.mcap").stat().st_size))
     assert reindex(tmp_path / "bag").counts["/image"] > 10
-    assert describe(tmp_path / "bag").attachments == ["note.txt"]
+    assert describe_bag(tmp_path / "bag").attachments == ["note.txt"]
 
 
-ARRAY = TYPES.types["std_msgs/msg/UInt8MultiArray"](TYPES.types["std_msgs/msg/MultiArrayLayout"]([], 0), np.zeros(100_000, np.uint8))
-IMAGE = bytes(TYPES.serialize_cdr(ARRAY, "std_msgs/msg/UInt8MultiArray"))
+ARRAY = TYPESTORE.types["std_msgs/msg/UInt8MultiArray"](
+    TYPESTORE.types["std_msgs/msg/MultiArrayLayout"]([], 0), np.zeros(100_000, np.uint8)
+)
+IMAGE = bytes(TYPESTORE.serialize_cdr(ARRAY, "std_msgs/msg/UInt8MultiArray"))
 
 
 def begin(directory, **bounds):
@@ -276,8 +278,8 @@ def check(bag, summary, sent):
     assert len(found) == written > 10
     assert [message.time for message in found] == sorted(message.time for message in found)
     assert all(message.data == IMAGE for message in found)
-    assert describe(bag).losses["dropped"] == summary.dropped and f"Count: {summary.dropped['/image']} because" in "".join(
-        lines(describe(bag))
+    assert describe_bag(bag).losses["dropped"] == summary.dropped and f"Count: {summary.dropped['/image']} because" in "".join(
+        lines(describe_bag(bag))
     )
 
 
@@ -362,14 +364,14 @@ def test_one_slow_write_is_told_while_it_lasts(tmp_path, monkeypatch):
     recording.add("/image", START, IMAGE)
     start = time.monotonic()
     wait(lambda: recording.state().trouble == Failure(DiskFailure.SLOW))
-    assert time.monotonic() - start >= record.SLOW - 0.1
+    assert time.monotonic() - start >= record.SLOW_WRITE - 0.1
     gate.set()
     recording.close()
 
 
 def test_a_disk_that_never_answers_is_left(tmp_path, monkeypatch):
-    monkeypatch.setattr(record, "PATIENCE", 0.1)
-    monkeypatch.setattr(record, "GRACE", 0.1)
+    monkeypatch.setattr(record, "QUEUE_TIMEOUT", 0.1)
+    monkeypatch.setattr(record, "CLOSE_TIMEOUT", 0.1)
     recording, gate = begin(tmp_path / "bag"), threading.Event()
     monkeypatch.setattr(recording._bag, "write", lambda *sample: gate.wait(60.0))
     fill(recording, lambda: recording.state().queued > 1_000_000)
@@ -379,7 +381,7 @@ def test_a_disk_that_never_answers_is_left(tmp_path, monkeypatch):
 
 
 def test_what_waits_too_long_at_the_end_is_dropped_and_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr(record, "PATIENCE", 0.2)
+    monkeypatch.setattr(record, "QUEUE_TIMEOUT", 0.2)
     recording = begin(tmp_path / "bag")
     write = recording._bag.write
     monkeypatch.setattr(recording._bag, "write", lambda *sample: time.sleep(0.01) or write(*sample))

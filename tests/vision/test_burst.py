@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tt_core.errors import BadChoice, BadShape, NotFinite, OutOfRange, TtError
-from tt_vision.capture.assembler import MOST_BYTES, MOST_WAITING, Assembler, BurstParams
+from tt_vision.capture.assembler import MOST_WAITING_BYTES, MOST_WAITING_IMAGES, Assembler, BurstParams
 from tt_vision.capture.burst import Burst, TimesNotRising
 from tt_vision.rig import high_speed_pair
 
@@ -157,7 +157,7 @@ def test_no_stamps_make_it_hold_more_than_it_may(stream, name, dark):
     for k in range(1000):
         side, time = STAMPS[name](k)
         assembler.add(side, 100.0 + time, DARK if dark else ball)
-        assert all(len(queue) <= MOST_WAITING for queue in assembler._waiting)
+        assert all(len(queue) <= MOST_WAITING_IMAGES for queue in assembler._waiting)
         assert len(assembler._pairs) <= assembler.params.frames
     assert len(feed(assembler, moved(stream, 1e9))) == 1
 
@@ -167,7 +167,7 @@ def test_large_images_wait_in_smaller_numbers():
     image[1000:1400, 1000:1400] = 200
     for k in range(40):
         assembler.add(0, 1e-4 * k + 1e-3 * k, image)
-    assert len(assembler._waiting[0]) <= MOST_BYTES // image.nbytes
+    assert len(assembler._waiting[0]) <= MOST_WAITING_BYTES // image.nbytes
 
 
 def test_a_burst_holds_what_fits_together_only(stream):

@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from tt_core.errors import TtError
-from tt_vision.capture.assembler import MOST_BYTES, MOST_WAITING, Assembler
+from tt_vision.capture.assembler import MOST_WAITING_BYTES, MOST_WAITING_IMAGES, Assembler
 from tt_vision.capture.burst import Burst
 
 FILM = []  # (side, time, image) of six frames, set by the fixture
@@ -70,8 +70,8 @@ class FaultyCameras(RuleBasedStateMachine):
     @invariant()
     def it_stays_small(self):
         for queue in self.assembler._waiting if hasattr(self, "assembler") else ():
-            assert len(queue) <= MOST_WAITING + 1
-            assert sum(one.seen.image.nbytes for one in queue if one.seen) <= MOST_BYTES + 232 * 300 * 2
+            assert len(queue) <= MOST_WAITING_IMAGES + 1
+            assert sum(one.seen.image.nbytes for one in queue if one.seen) <= MOST_WAITING_BYTES + 232 * 300 * 2
         assert not hasattr(self, "assembler") or len(self.assembler._pairs) <= 12
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from refusals import check_named
-from tt_core.params import from_values
+from tt_core.params import params_from_values
 from tt_vision import calibrate
 from tt_vision.camera import Camera
 from tt_vision.camera_node import Intrinsics
@@ -87,10 +87,10 @@ def test_one_file_holds_what_the_nodes_need_of_both_cameras(tmp_path, monkeypatc
         run(monkeypatch, "--out", tmp_path, "--name", name, "points", tmp_path / "points.csv", "--focal-length", 0.035)
     content = yaml.safe_load((tmp_path / "cameras.yaml").read_text())
     values = {node: entry["ros__parameters"] for node, entry in content.items()}
-    poses = read_poses(lambda kind, prefix="": from_values(kind, values["/**/estimate"], prefix))
+    poses = read_poses(lambda kind, prefix="": params_from_values(kind, values["/**/estimate"], prefix))
     for name, found, true in zip(("left", "right"), poses, rig, strict=True):
         assert found.position == pytest.approx(true.position, abs=0.01)  # m
-        intrinsics = from_values(Intrinsics(), values["/**/camera"], f"{name}.")
+        intrinsics = params_from_values(Intrinsics(), values["/**/camera"], f"{name}.")
         assert np.reshape(intrinsics.matrix, (3, 3)) == pytest.approx(true.matrix, rel=0.01, abs=1.0)
     (tmp_path / "cameras.yaml").write_text("[1]")
     with pytest.raises(SystemExit):

@@ -8,7 +8,7 @@ from tt_core.constants import RPM
 from tt_eval.synthetic_bursts import calibrated_lamps
 from tt_sim.render import Lamps, Texture
 from tt_vision.detection.illumination import GLOSS, LAMP, Illumination, polynomials, refit_illumination
-from tt_vision.first_look import look_at
+from tt_vision.first_estimate import estimator_of
 from tt_vision.measure import measure
 from tt_vision.spin.registration import SearchParams
 from tt_vision.spin.surface_map import cut_surface
@@ -28,7 +28,7 @@ def shade(normals, light):
 
 
 def seen(shot, lamps=None):
-    first = look_at(shot.burst, lamps=lamps).estimate(shot.burst)
+    first = estimator_of(shot.burst, lamps=lamps).estimate(shot.burst)
     return first.motion, cut_surface(shot.burst, first.motion, first.light).lit_by(first.light)
 
 

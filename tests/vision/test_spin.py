@@ -14,7 +14,7 @@ from tt_core.so3 import left_jacobian, rotation_matrix
 from tt_eval.synthetic_bursts import BurstConditions, bursts, render_burst
 from tt_sim.render import Lamp, Lamps, Noise, Texture
 from tt_vision.capture.burst import TimesNotRising
-from tt_vision.first_look import look_at
+from tt_vision.first_estimate import estimator_of
 from tt_vision.measure import measure
 from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin import SearchParams, SpinReason, estimate_spin
@@ -189,7 +189,7 @@ def test_too_fast_to_tell_is_refused(film):
 
 def test_the_step_of_the_refinement_leads_to_the_spin(rendered):
     """From 20 rpm away in any direction one Gauss-Newton step comes most of the way; the other points on the ball move it by 4."""
-    first = look_at(rendered.burst).estimate(rendered.burst)
+    first = estimator_of(rendered.burst).estimate(rendered.burst)
     surface = cut_surface(rendered.burst, first.motion, first.light).lit_by(first.light)
     best = estimate_spin(rendered.frames, rendered.times, rendered.cameras, search=SearchParams(second_look=False)).spin
     points = Rotation.random(2000, random_state=0).as_matrix()[:, 0].astype(np.float32)

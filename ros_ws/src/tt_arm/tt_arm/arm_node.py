@@ -30,7 +30,7 @@ from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STROKES, PUBLISHER_CHECK_INTERVAL, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST
@@ -51,14 +51,15 @@ from .stroke_selection import SelectionParams
 from .swing import SwingLimits
 
 WATCH = 0.0025  # s between two checks whether joint states have ceased
-LOOK = 0.25  # s between two checks whether another node publishes commands or joint states
-TICK = 0.002  # s between the last commands of the node when it ends
+END_COMMAND_INTERVAL = 0.002  # s between the last commands of the node when it ends
 LONGEST_END = 1.0  # s, longest time for which the node sends these commands
-POINTS = 0.02  # s between the points of the published swing
-SWITCH = 5e-4  # s, interval after which the planning thread's Python code yields to the servo
-TELL = 0.2  # s, least time between two reports of what stops the arm
-KEPT = {ArmStop.SWING_WILL_DO, ArmStop.SWING_COMMITTED}  # normal reasons for newer strokes to change nothing; they are no warnings
-LARGEST_STATE, LARGEST_STROKES = 1 << 16, 1 << 15  # bytes of a message; 500 joints, 128 strokes
+SWING_POINT_INTERVAL = 0.02  # s between the points of the published swing
+THREAD_SWITCH_INTERVAL = 5e-4  # s, interval after which the planning thread's Python code yields to the servo
+STOP_REPORT_INTERVAL = 0.2  # s, least time between two reports of what stops the arm
+NORMAL_REASONS = {
+    ArmStop.SWING_WILL_DO,
+    ArmStop.SWING_COMMITTED,
+}  # normal reasons for newer strokes to change nothing; they are no warnings
 
 
 class ArmLine(Enum):
@@ -131,7 +132,7 @@ class ArmNode(Node):
         warm(model)
         check_feasible(model, self.control.limits)
         check_guard(model, self.control.limits, guard)
-        sys.setswitchinterval(SWITCH)
+        sys.setswitchinterval(THREAD_SWITCH_INTERVAL)
         self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
         self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
         self.arrival, self.ending = threading.Event(), False
@@ -144,7 +145,7 @@ class ArmNode(Node):
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
         self.description.publish(String(data=model.placed_description))
-        self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_STATE, refused=self.on_refused_state)
+        self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
         candidates = Input(
             self,
@@ -163,7 +164,7 @@ class ArmNode(Node):
         self.create_service(Trigger, "arm/stop", self.on_stop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH, self.on_watch, clock=steady)
-        self.create_timer(LOOK, self.on_look, clock=steady)
+        self.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_other_publishers, clock=steady)
         self.control.enable(params.enabled)
         threading.Thread(target=self.plan, name="planning", daemon=True).start()
 
@@ -260,7 +261,7 @@ class ArmNode(Node):
                 if not self.ending:
                     failure = Failure(ArmStop.PLANNING_FAILED, error=f"{type(error).__name__}: {error}")
                     self.get_logger().error(str(failure), throttle_duration_sec=1.0)
-                    self.tell_no_swing(seconds(message.header.stamp), failure)
+                    self.report_no_swing(seconds(message.header.stamp), failure)
 
     def take(self, message: MultiDOFJointTrajectory) -> None:
         """Plan a swing for the candidate strokes of a message, and publish it, or the reasons why there is none.
@@ -270,14 +271,14 @@ class ArmNode(Node):
         stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
-            self.tell_no_swing(stamp, failure)
+            self.report_no_swing(stamp, failure)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         self.frame_time = stamp  # set before the plan: the servo thread may begin the swing before `take` returns
         selected = self.control.take(strokes_from_message(message))
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
-            is_kept = selected.refused is not None and selected.refused.code in KEPT
+            is_kept = selected.refused is not None and selected.refused.code in NORMAL_REASONS
             self.status.publish(Event.NO_SWING, stamp=stamp, warn=not is_kept, reason=first, chosen=-1, reasons=reasons)
             if not is_kept:
                 self.status.terminal.warn(ArmLine.NO_SWING, reason=reasons)
@@ -294,9 +295,9 @@ class ArmNode(Node):
             reasons=reasons,
         )
         self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
-        self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(POINTS)))
+        self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(SWING_POINT_INTERVAL)))
 
-    def tell_no_swing(self, stamp: float, failure: Failure) -> None:
+    def report_no_swing(self, stamp: float, failure: Failure) -> None:
         """Publish why strokes that rest on a frame of `stamp` (s) are not tried."""
         self.status.publish(Event.NO_SWING, stamp=stamp, warn=True, reason=failure, chosen=-1, reasons=failure)
 
@@ -326,10 +327,10 @@ class ArmNode(Node):
         response.success, response.message = True, str(Failure(ArmStop.STOPPED))
         return response
 
-    def on_look(self) -> None:
+    def check_other_publishers(self) -> None:
         """Stop the arm while another node publishes commands or joint states, and find the clock with the largest offset.
 
-        A timer calls it every LOOK seconds.
+        A timer calls it every PUBLISHER_CHECK_INTERVAL seconds.
         """
         for topic in (self.commands.topic_name, self.states.topic):
             publishers = self.get_publishers_info_by_topic(topic)
@@ -349,13 +350,13 @@ class ArmNode(Node):
         return time.monotonic() * self.rtf
 
     def publish_stop(self, reason: Failure | None) -> None:
-        """Report what stops or limits the arm, if it has changed since the last report, at most every TELL seconds.
+        """Report what stops or limits the arm, if it has changed since the last report, at most every STOP_REPORT_INTERVAL seconds.
 
         Args:
             reason: Why the command differs from what the swing asks for; None if it does not.
         """
         code, now = code_name(reason), time.monotonic()
-        if code != self.reported and now > self.reported_at + TELL:
+        if code != self.reported and now > self.reported_at + STOP_REPORT_INTERVAL:
             self.reported, self.reported_at = code, now
             text, latched = f"guard: {reason or 'nothing to cut'}", self.control.guard.latched is not None
             self.status.publish(text, warn=reason is not None, error=latched, reason=reason, code=code)
@@ -373,7 +374,7 @@ class ArmNode(Node):
             self.command(command)
             if not command.any():
                 break
-            time.sleep(TICK)
+            time.sleep(END_COMMAND_INTERVAL)
         self.ending = True
         self.arrival.set()
         self.reported_at = 0.0

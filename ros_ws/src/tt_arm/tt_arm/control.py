@@ -23,19 +23,19 @@ from tt_core.states import Array, RacketState
 from . import dissertation
 from .joints import Joints
 from .model import ArmModel
-from .reach import Reach, ReachParams, reach
+from .reach import ReachParams, reach
 from .safety.clearance import clearance
 from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
 from .stroke_correction import stroke_distance
-from .stroke_selection import Refusal, SelectionParams, StrokeSelection, select_sooner, select_stroke
+from .stroke_selection import PlannedStroke, Refusal, SelectionParams, StrokeSelection, select_sooner, select_stroke
 from .swing import Swing, SwingLimits, plan, strike
 from .trajectory.legs import make_leg
 from .trajectory.path import Path
 
-AT_REST = 0.02  # rad/s, joint speed below which a stop is over
+STOPPED_SPEED = 0.02  # rad/s, joint speed below which a stop is over
 AT_WAITING = 0.02  # rad, distance from the waiting posture within which the first motion after enabling is over
 
 
@@ -169,7 +169,7 @@ class ArmControl:
         self.joints: Joints | None = None
         self.swing: Swing | None = None
         self.coming: Swing | None = None
-        self.stroke: tuple[RacketState, Reach] | None = None
+        self.stroke: PlannedStroke | None = None
         self.held: dict[str, Failure] = {}
         self._refusal: tuple[Failure | None, float] = None, -np.inf  # why a joint state was refused last, and when (s, monotonic)
         self._scale = 1.0
@@ -250,14 +250,14 @@ class ArmControl:
             self._forget()
         self.joints = joints = accepted
         age = 0.0 if clock is None else min(max(clock - joints.time, 0.0), self.states.params.late)
-        damage = self.guard.look(joints, self.states.gap)
+        damage = self.guard.check_state(joints, self.states.gap)
         stopped = self.stopped_by or damage or self._paused(now)
         if stopped is not None:
             self._forget()
             self._arriving = self._arriving or damage is not None
             return ControlStep(self.guard.stop(now, joints, age), stopped)
         interrupted = (self.states.gap and self._resume(joints)) or interrupted
-        if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > AT_REST):
+        if self._rest is not None and (self.guard.last.any() or np.abs(joints.qdot).max() > STOPPED_SPEED):
             return ControlStep(self.guard.stop(now, joints, age), self._rest, interrupted=interrupted)
         self._rest = None
         self.guard.speed_scale = self._speed
@@ -312,20 +312,24 @@ class ArmControl:
             return _refused(Failure(ArmStop.ARRIVING))
         if rackets and min(r.time for r in rackets) > joints.time + self.params.horizon:
             return _refused(Failure(ArmStop.FAR_AHEAD, ahead=rackets[0].time - joints.time, bound=self.params.horizon))
-        left = stroke[0].time - joints.time if stroke is not None else -np.inf
-        if stroke is not None and left < self.params.commit and any(abs(r.time - stroke[0].time) < self.params.same_ball for r in rackets):
+        left = stroke.racket.time - joints.time if stroke is not None else -np.inf
+        if (
+            stroke is not None
+            and left < self.params.commit
+            and any(abs(r.time - stroke.racket.time) < self.params.same_ball for r in rackets)
+        ):
             return _refused(Failure(ArmStop.SWING_COMMITTED, left=left, bound=self.params.commit))
         current = stroke if left > 0.0 else None
-        if current is not None and any(abs(r.time - current[0].time) < self.params.same_ball for r in rackets):
+        if current is not None and any(abs(r.time - current.racket.time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
-            correction = min(stroke_distance(current[0], r) for r in rackets)
+            correction = min(stroke_distance(current.racket, r) for r in rackets)
             if correction < self.params.replan_distance:
                 return _refused(Failure(ArmStop.SWING_WILL_DO))
             if correction > self.params.largest_correction:
                 return _refused(Failure(ArmStop.CORRECTION_TOO_LARGE, distance=correction, bound=self.params.largest_correction))
         elif current is not None:  # another ball: what is on its way comes first
-            begin, current = current[0].time, None
+            begin, current = current.racket.time, None
         time = max(joints.time + self.params.ahead, begin)
         start = _path_at(time, swing, coming).joints(time)
         hurried = self._hurries(rackets)
@@ -341,7 +345,7 @@ class ArmControl:
         with self._lock:
             if stops != self._stops:
                 return False
-            self.coming, self.stroke, self._begin = selected.swing, (selected.racket, selected.reach), begin
+            self.coming, self.stroke, self._begin = selected.swing, PlannedStroke(selected.racket, selected.reach), begin
         return True
 
     def _sooner(
@@ -391,7 +395,7 @@ class ArmControl:
 
     def _arrived(self, joints: Joints) -> bool:
         """Return whether the arm is at its waiting posture, which ends the first motion after enabling."""
-        if np.abs(joints.q - self.model.waiting).max() < AT_WAITING and np.abs(joints.qdot).max() < AT_REST:
+        if np.abs(joints.q - self.model.waiting).max() < AT_WAITING and np.abs(joints.qdot).max() < STOPPED_SPEED:
             self._arriving = False
         return not self._arriving
 
@@ -454,9 +458,13 @@ class ArmControl:
 
     def _paused(self, now: float) -> Failure | None:
         """Return why the arm rests for the time `pause`; None if it does not."""
-        if self._pause is not None and now >= self._pause[1]:
-            self._pause = None
-        return None if self._pause is None else self._pause[0]
+        if self._pause is None:
+            return None
+        failure, until = self._pause
+        if now < until:
+            return failure
+        self._pause = None
+        return None
 
     def _off_path(self, swing: Swing, joints: Joints) -> float:
         """Return the largest distance (rad) of a joint from its position on the swing."""

@@ -6,12 +6,11 @@ import math
 from typing import NamedTuple
 
 from numba import njit
+from tt_core.arrays import Array, Triple
 from tt_core.constants import GRAVITY
-from tt_core.states import Array
 
 from .kinematics import Chain
 
-Vector = tuple[float, float, float]
 Tensor = tuple[float, float, float, float, float, float]  # symmetric: xx, xy, yy, xz, yz, zz
 
 
@@ -30,24 +29,24 @@ class Links(NamedTuple):
 
 
 @njit(cache=True)
-def _cross(a: Vector, b: Vector) -> Vector:
+def _cross(a: Triple, b: Triple) -> Triple:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True)
-def _sum(a: Vector, b: Vector) -> Vector:
+def _sum(a: Triple, b: Triple) -> Triple:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @njit(cache=True)
-def _times(tensor: Tensor, v: Vector) -> Vector:
+def _times(tensor: Tensor, v: Triple) -> Triple:
     xx, xy, yy, xz, yz, zz = tensor
     x, y, z = v
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @njit(cache=True)
-def _inwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
+def _inwards(v: Triple, i: int, c: float, s: float, chain: Chain) -> Triple:
     """Transform a vector from the frame of joint i to the frame of the joint before; c and s are cosine and sine of the joint's angle."""
     r = chain.rotations
     x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
@@ -59,7 +58,7 @@ def _inwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
 
 
 @njit(cache=True)
-def _outwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
+def _outwards(v: Triple, i: int, c: float, s: float, chain: Chain) -> Triple:
     """Transform a vector from the frame of the joint before to the frame of joint i; the inverse of `_inwards`."""
     r = chain.rotations
     x = r[i, 0, 0] * v[0] + r[i, 1, 0] * v[1] + r[i, 2, 0] * v[2]
@@ -69,7 +68,7 @@ def _outwards(v: Vector, i: int, c: float, s: float, chain: Chain) -> Vector:
 
 
 @njit(cache=True)
-def _arm(i: int, q: float, chain: Chain) -> Vector:
+def _arm(i: int, q: float, chain: Chain) -> Triple:
     """Return the origin (m) of the frame of joint i in the frame of the joint before."""
     r, p = chain.rotations, chain.positions
     along = q if chain.linear[i] else 0.0

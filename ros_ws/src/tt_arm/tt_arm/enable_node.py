@@ -7,7 +7,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool
 from tt_core.start import default_signals
 
-WAIT = 120.0  # s, longest wait for the service of the arm node: a cold start compiles kernels
+ENABLE_TIMEOUT = 120.0  # s, longest wait for the service of the arm node: a cold start compiles kernels
 ANSWER = 10.0  # s, longest wait for its answer
 
 
@@ -19,13 +19,13 @@ def main() -> int:
     service = node.resolve_service_name("arm/enable")
     client = node.create_client(SetBool, service)
     answer: SetBool.Response | None = None
-    if client.wait_for_service(WAIT):
+    if client.wait_for_service(ENABLE_TIMEOUT):
         future = client.call_async(SetBool.Request(data=True))
         rclpy.spin_until_future_complete(node, future, timeout_sec=ANSWER)
         answer = future.result() if future.done() else None
         answered = answer.message if answer else f"no answer within {ANSWER:g} s"
     else:
-        answered = f"not there within {WAIT:g} s"
+        answered = f"not there within {ENABLE_TIMEOUT:g} s"
     print(f"{service}: {answered}", flush=True)
     rclpy.try_shutdown()
     node.destroy_node()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from tt_core.errors import BadShape, check_array, check_range
 from tt_core.states import Array
 
-ACCELERATION = 20.0  # rad/s^2 or m/s^2 of each joint in swings; the PA10 then needs 0.76 of its rated torque at most (assumed inertias)
+JOINT_ACCELERATION = 20.0  # rad/s^2 or m/s^2 in swings; the PA10 then needs 0.76 of its rated torque at most (assumed inertias)
 JERK = 4000.0  # rad/s^3 or m/s^3 of each joint in swings; our choice: 5 ms from rest to the full acceleration
 NO_ACCELERATION_LIMIT, NO_JERK_LIMIT = 1e4, 1e7  # rad/s^2, rad/s^3 or m; limits of a joint whose description states none
 HOLD_RESERVE = 0.04  # s, added to the time a command may act: transport, and a process delayed twice; our choice, costs no stroke

@@ -17,7 +17,7 @@ from tt_core.states import Array
 
 from .arm_urdf.bodies import capsules
 from .arm_urdf.geometry import bodies, chain, joint_frames, links
-from .arm_urdf.urdf import RACKET, Description, UrdfError, UrdfFailure, UrdfOptions, read
+from .arm_urdf.urdf import RACKET_LINK, CheckedUrdf, UrdfError, UrdfFailure, UrdfOptions, read_urdf
 from .description import placed_description
 from .dynamics import Links
 from .ik.closed_form import ElbowArm, elbow_arm
@@ -63,7 +63,7 @@ def mount_placement(mount: Sequence[float]) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(*values[3:]), values[:3])
 
 
-def _pinocchio(description: Description, base: pin.SE3) -> pin.Model:
+def _pinocchio(description: CheckedUrdf, base: pin.SE3) -> pin.Model:
     """Return pinocchio's model of the arm in `table`, from the URDF without its shapes, which the model does not need."""
     robot = ET.fromstring(description.xml)
     for link in robot.findall("link"):
@@ -81,7 +81,7 @@ def _pinocchio(description: Description, base: pin.SE3) -> pin.Model:
     return model
 
 
-def _limits(description: Description) -> JointLimits:
+def _limits(description: CheckedUrdf) -> JointLimits:
     joints = description.joints
     return JointLimits(
         tuple(joint.name for joint in joints),
@@ -128,7 +128,7 @@ class ArmModel:
     pinocchio: pin.Model
     closed_form: ElbowArm | None
     base: pin.SE3
-    description: Description
+    description: CheckedUrdf
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -209,13 +209,13 @@ class ArmModel:
             OutOfRange: A waiting position is beyond its limit.
         """
         placed = base_placement(base)
-        description = read(str(path), tip, None if mount is None else mount_placement(mount), options or UrdfOptions())
+        description = read_urdf(str(path), tip, None if mount is None else mount_placement(mount), options or UrdfOptions())
         model, limits = _pinocchio(description, placed), _limits(description)
         posture, frames = _waiting(waiting, limits), joint_frames(model)
         joints = chain(model, frames)
         parts = bodies(model, frames, joints, capsules(description))
         parts = parts._replace(pairs=find_pairs(parts, limits.position))
-        closed_form = elbow_arm(model, model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)].placement)
+        closed_form = elbow_arm(model, model.frames[model.getFrameId(RACKET_LINK, pin.FrameType.BODY)].placement)
         return cls(limits, posture, joints, parts, links(model, frames), model, closed_form, placed, description)
 
     @cached_property

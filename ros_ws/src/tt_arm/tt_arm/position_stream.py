@@ -16,7 +16,7 @@ from tt_core.states import Array
 
 LONGEST_AHEAD = 0.05  # s, largest `ahead`
 LEASH = 0.1  # rad or m, largest difference of the positions from measured ones: 0.02 s of lag at 5 rad/s, or 5 m/s
-LONGEST_STEP = 0.05  # s without a command, after which the positions start again from measured ones
+LONGEST_PAUSE = 0.05  # s without a command, after which the positions start again from measured ones
 
 
 class PositionPoints(NamedTuple):
@@ -59,7 +59,7 @@ class PositionStream:
             command: (n,) rad/s or m/s, velocity command.
         """
         passed = time - self._time
-        if self._reference is None or not 0.0 <= passed <= LONGEST_STEP:
+        if self._reference is None or not 0.0 <= passed <= LONGEST_PAUSE:
             reference = np.array(q)
         else:
             reference = np.clip(self._reference + passed * self._command, q - LEASH, q + LEASH)

@@ -25,13 +25,13 @@ from . import dissertation
 from .ik.elbow_search import Face, elbow_search
 from .ik.newton import Target, newton
 from .ik.posture_cost import PostureWeights, turning_rate
-from .ik.posture_search import ATLAS_SIZE, any_posture, search
+from .ik.posture_search import ATLAS_SIZE, any_posture, search_postures
 from .ik.velocity_allocation import ONES, least_shares, steady_rows
 from .joints import HOLD_RESERVE, JointBounds, JointLimits
 from .kinematics import Chain, forward
 from .model import ArmModel
 
-METHODS = ("best", "near", "any", "liu")
+REACH_METHODS = ("best", "near", "any", "liu")
 FINER = (1, 2)  # multiples of `grid` that are tried one after the other, until a posture within all limits is found
 MORE = (1, 4, 16)  # multiples of `seeds` that are tried one after the other, until a posture within all limits is found
 
@@ -173,7 +173,7 @@ def rate(q: Array, qdot: Array, rows: Array, limits: JointBounds) -> Rating:
 
 
 @njit(cache=True)
-def nearest(position: Array, normal: Array, velocity: Array, seed: Array, limits: JointBounds, chain: Chain) -> NearestPosture:
+def nearest_posture(position: Array, normal: Array, velocity: Array, seed: Array, limits: JointBounds, chain: Chain) -> NearestPosture:
     """Find a posture near a seed by Newton's method, and the least joint speeds for the racket's velocity.
 
     Args:
@@ -240,7 +240,7 @@ def reach(
     n = len(model.names)
     seed, limits = check_array("seed", seed, (n,)).copy(), limits or model.limits
     if method == "liu" and n != dissertation.JOINTS:
-        raise BadChoice("method", method, METHODS[:3])
+        raise BadChoice("method", method, REACH_METHODS[:3])
     if method == "best":
         speeds = np.zeros(n) if qdot is None else check_array("qdot", qdot, (n,))
         return _searched(model, racket, np.array([seed, speeds, model.waiting]), params or ReachParams(), limits)
@@ -250,7 +250,7 @@ def reach(
             return _failed(seed, ReachFailure.OUT_OF_REACH)
         seed = q
     if method in ("near", "any"):
-        found = nearest(racket.position.copy(), racket.normal, racket.velocity.copy(), seed, limits.bounds, model.chain)
+        found = nearest_posture(racket.position.copy(), racket.normal, racket.velocity.copy(), seed, limits.bounds, model.chain)
         return _rated(limits, found.q, found.qdot, found.rating) if found.found else _failed(seed, ReachFailure.NOT_CONVERGED)
     posture = dissertation.posture(model, racket, seed)
     if posture is None:
@@ -293,7 +293,7 @@ def _searched(model: ArmModel, racket: RacketState, start: Array, params: ReachP
             best = elbow_search(face, start, bounds, cost, times * params.grid, model.closed_form, model.chain)
         else:
             count = min(times * params.seeds, ATLAS_SIZE)
-            best = search(Target(position, racket.normal), velocity, start, bounds, cost, count, model.atlas, model.chain)
+            best = search_postures(Target(position, racket.normal), velocity, start, bounds, cost, count, model.atlas, model.chain)
         if best.cost < math.inf:
             found = _compared(model, limits, best.q, best.qdot)
         if found.reason is None:

@@ -10,7 +10,7 @@ from tt_core.params import check, param
 from tt_core.states import Array
 
 from .swing import Swing
-from .trajectory.profiles import evaluate
+from .trajectory.profiles import evaluate_path
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +63,8 @@ def servo_command(since: float, lead: float, gain: float, knots: Array, coeffici
     """
     n = len(q)
     q_path, qdot_ahead, unused, unused_too = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    evaluate(since + lead, knots, coefficients, unused, qdot_ahead, unused_too)
-    evaluate(since, knots, coefficients, q_path, unused, unused_too)
+    evaluate_path(since + lead, knots, coefficients, unused, qdot_ahead, unused_too)
+    evaluate_path(since, knots, coefficients, q_path, unused, unused_too)
     for i in range(n):
         out[i] = servo_speed(q_path[i], qdot_ahead[i], q[i], gain, speed[i])
 

@@ -15,7 +15,7 @@ from .safety.clearance import OBSTACLES, clearance
 from .safety.guard import GuardParams
 from .swing import SwingLimits, plan
 
-TIME = 1.0  # s from the start to the strike; enough for every stroke that is within reach
+STRIKE_TIME = 1.0  # s from the start to the strike; enough for every stroke that is within reach
 NEEDED = 0.5  # share of the strokes that must be possible; with base, mount and waiting posture of the PA10's arm file all of them are
 
 
@@ -41,14 +41,14 @@ class StartupError(TtError):
     """The arm cannot play, or its limits contradict each other; its failure has a code of StartupFailure."""
 
 
-def strokes() -> list[RacketState]:
+def typical_strokes() -> list[RacketState]:
     """Return typical strokes (racket states) all over the window in which balls are hit, to test whether an arm can make them.
 
     The positions are from the dissertation's Section 4.5.1, and the velocity is the mean of those printed there.
     """
     velocity = np.array([1.2, 0.0, 1.3])
     places = [(x, y, z) for x in (-0.25, -0.05) for y in (0.45, 0.76, 1.07) for z in (0.2, 0.4)]
-    return [RacketState(TIME, np.array(place), velocity, 0.0, 1.2) for place in places]
+    return [RacketState(STRIKE_TIME, np.array(place), velocity, 0.0, 1.2) for place in places]
 
 
 def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
@@ -65,8 +65,8 @@ def check_feasible(model: ArmModel, limits: SwingLimits) -> None:
     if left < limits.clearance:
         values = {"waiting": model.waiting.tolist(), "distance": left, "obstacle": OBSTACLES[what], "bound": limits.clearance}
         raise StartupError(StartupFailure.WAITING_TOO_NEAR, **values)
-    start, tried = Joints.at_rest(0.0, model.waiting), strokes()
-    reasons = [plan(model, start, reach(model, racket, model.waiting), TIME, limits).reason for racket in tried]
+    start, tried = Joints.at_rest(0.0, model.waiting), typical_strokes()
+    reasons = [plan(model, start, reach(model, racket, model.waiting), STRIKE_TIME, limits).reason for racket in tried]
     made = sum(reason is None for reason in reasons)
     if made < NEEDED * len(tried):
         x, y, z = model.base.translation

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 from tt_core.failures import Failure
 from tt_core.params import check, param
@@ -16,11 +17,11 @@ from tt_core.states import RacketState
 
 from .joints import Joints
 from .model import ArmModel
-from .reach import METHODS, Reach, ReachFailure, ReachParams, reach
+from .reach import REACH_METHODS, Reach, ReachFailure, ReachParams, reach
 from .stroke_correction import corrections, postures
 from .swing import StrikePlan, Swing, SwingLimits, strike
 
-HOPELESS = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
+MOST_LATE = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
 LEAST_TIME, MOST_TIME = 0.05, 10.0  # s, bounds of the swing times for which postures are searched
 LESS_SPARE = 0.25  # share of the spare time in the last search; not 0, because the search knows the effect of the jerk limit only roughly
 
@@ -38,7 +39,7 @@ class SelectionParams:
     margin: float = param(
         0.0, "", "share of the speed limits that a new posture keeps for corrections of its stroke, if it can", low=0.0, high=0.9
     )
-    method: str = param("best", "", "method of `reach`; liu is the dissertation's, for comparison", choices=METHODS)
+    method: str = param("best", "", "method of `reach`; liu is the dissertation's, for comparison", choices=REACH_METHODS)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
@@ -49,6 +50,13 @@ class SelectionFailure(Enum):
     """Codes of failures for candidate strokes that were not tried."""
 
     NOT_TRIED = "candidates {first} to {last}: not tried"
+
+
+class PlannedStroke(NamedTuple):
+    """Racket state of a stroke, and the posture with its joint speeds that makes it."""
+
+    racket: RacketState
+    reach: Reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +118,7 @@ def select_stroke(
     limits: SwingLimits,
     reaching: ReachParams,
     params: SelectionParams,
-    current: tuple[RacketState, Reach] | None = None,
+    current: PlannedStroke | None = None,
     hurried: bool = False,
 ) -> StrokeSelection:
     """Select the first candidate stroke that the arm can make from `start` in time and within its limits.
@@ -133,8 +141,8 @@ def select_stroke(
     """
     reasons: list[Refusal] = []
     if current is not None:
-        for change in corrections(rackets, current[0])[: params.corrections]:
-            for target in postures(model, change.racket, current[1], model.limits.reduced(speed=limits.speed_share)):
+        for change in corrections(rackets, current.racket)[: params.corrections]:
+            for target in postures(model, change.racket, current.reach, model.limits.reduced(speed=limits.speed_share)):
                 planned = strike(model, start, target, change.racket.time, limits)
                 if planned.swing is not None:
                     return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons))
@@ -203,7 +211,7 @@ def _try(
         target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=params.method, limits=joints)
         planned = strike(model, start, target, racket.time, limits)
         too_fast = target.reason is not None and target.reason.code is ReachFailure.BEYOND_SPEED_LIMIT
-        if planned.swing is not None or (planned.earliest - racket.time > HOPELESS and not (too_fast and margin > 0.0)):
+        if planned.swing is not None or (planned.earliest - racket.time > MOST_LATE and not (too_fast and margin > 0.0)):
             break
     return target, planned
 

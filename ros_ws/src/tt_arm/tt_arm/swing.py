@@ -22,16 +22,16 @@ from tt_core.states import Array
 from .joints import JointLimits, Joints
 from .model import ArmModel
 from .reach import Reach
-from .trajectory.jerk import SAME
-from .trajectory.legs import LONGEST_LEG, PROFILES, STEP, Leg, make_leg
+from .trajectory.jerk import SAME_DURATION
+from .trajectory.legs import LEG_STEP, LONGEST_LEG, PROFILE_NAMES, Leg, make_leg
 from .trajectory.limits import SwingFailure, SwingLimits
 from .trajectory.path import Path
 from .trajectory.path_check import path_failure
-from .trajectory.profiles import evaluate
+from .trajectory.profiles import evaluate_path
 
-__all__ = ["LONGEST_LEG", "PROFILES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
+__all__ = ["LONGEST_LEG", "PROFILE_NAMES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
 
-AT_REST = 1e-3  # rad/s, speed below which a joint counts as being at rest
+REST_SPEED = 1e-3  # rad/s, speed below which a joint counts as being at rest
 SOFT = 1.6  # duration of a soft stop over the least time to slow down; a quintic without acceleration at its ends needs 1.5
 
 
@@ -88,7 +88,7 @@ class Swing:
     def _at(self, time: float) -> tuple[Array, Array, Array]:
         n = len(self.knots)
         q, qdot, qddot = np.empty(n), np.empty(n), np.empty(n)
-        evaluate(time - self.start.time, self.knots, self.coefficients, q, qdot, qddot)
+        evaluate_path(time - self.start.time, self.knots, self.coefficients, q, qdot, qddot)
         return q, qdot, qddot
 
     def table(self, step: float) -> tuple[Array, Array, Array]:
@@ -103,7 +103,7 @@ class Swing:
         return times, np.array([q for q, _ in rows]), np.array([qdot for _, qdot in rows])
 
 
-class Task(NamedTuple):
+class SwingTask(NamedTuple):
     """The arm for which a swing is planned, and the limits that the swing must keep.
 
     Attributes:
@@ -117,7 +117,7 @@ class Task(NamedTuple):
     joints: JointLimits
 
     @classmethod
-    def of(cls, model: ArmModel, limits: SwingLimits) -> Task:
+    def of(cls, model: ArmModel, limits: SwingLimits) -> SwingTask:
         """Return the task for an arm and the parameters that limit its swings."""
         return cls(model, limits, limits.of_joints(model))
 
@@ -132,7 +132,7 @@ class Task(NamedTuple):
             qdot: (n,) rad/s, joint speeds.
             qddot: (n,) rad/s^2, joint accelerations.
         """
-        return bool((np.abs(qdot) + 0.5 * qddot**2 / self.joints.jerk).max() > AT_REST)
+        return bool((np.abs(qdot) + 0.5 * qddot**2 / self.joints.jerk).max() > REST_SPEED)
 
 
 class StrikePlan(NamedTuple):
@@ -172,7 +172,7 @@ def plan(model: ArmModel, start: Joints, target: Reach | None, strike_time: floa
         NotFinite: `strike_time` is NaN or infinite.
         NoStop: There is no way to come to rest.
     """
-    task = Task.of(model, limits or SwingLimits())
+    task = SwingTask.of(model, limits or SwingLimits())
     strike_time, start = check_range("strike_time", strike_time, -1e18, 1e18), _within_limits(task, start)
     if target is not None:
         check_array("target.q", target.q, (len(model.names),))
@@ -197,11 +197,11 @@ def strike(model: ArmModel, start: Joints, target: Reach, strike_time: float, li
     Returns:
         The swing, or the reason why there is none.
     """
-    task = Task.of(model, limits)
+    task = SwingTask.of(model, limits)
     return _strike(task, _within_limits(task, start), target, strike_time)
 
 
-def _strike(task: Task, start: Joints, target: Reach, strike_time: float) -> StrikePlan:
+def _strike(task: SwingTask, start: Joints, target: Reach, strike_time: float) -> StrikePlan:
     """Plan a strike from a start within the limits: approach, check, return, check."""
     if target.reason is not None:
         return StrikePlan(None, math.inf, target.reason)
@@ -221,7 +221,7 @@ def _strike(task: Task, start: Joints, target: Reach, strike_time: float) -> Str
     return StrikePlan(Swing(start, strike_time, start.time + path.duration, earliest, None, *path.pieces[:2]), earliest, None)
 
 
-def _approach(task: Task, leg: Leg, time: float, shortest: float) -> tuple[Path, Failure | None]:
+def _approach(task: SwingTask, leg: Leg, time: float, shortest: float) -> tuple[Path, Failure | None]:
     """Return the approach, which arrives after `time` (s), and the reason why it is not possible, or None.
 
     A slow (unhurried) approach is tried first, then the shortest one, whose duration is `shortest` (s).
@@ -231,7 +231,7 @@ def _approach(task: Task, leg: Leg, time: float, shortest: float) -> tuple[Path,
     for hurry in (task.limits.unhurried, 1.0):
         path = task.new_path()
         approach = path.shortest_time(time if moving else min(time, hurry * shortest), leg)
-        if approach > time + SAME:
+        if approach > time + SAME_DURATION:
             failure = Failure(SwingFailure.TOO_FAST if moving else SwingFailure.TOO_LATE)
             continue
         if approach < time:
@@ -243,7 +243,7 @@ def _approach(task: Task, leg: Leg, time: float, shortest: float) -> tuple[Path,
     return path, failure
 
 
-def _return_path(task: Task, q: Array, qdot: Array, qddot: Array) -> tuple[Path, Failure | None]:
+def _return_path(task: SwingTask, q: Array, qdot: Array, qddot: Array) -> tuple[Path, Failure | None]:
     """Return the path to the waiting posture, and None, or the limit that it breaks.
 
     Three ways are tried until one keeps all limits: without a stop, with a soft stop, and with the shortest stop. If none does, the last
@@ -258,7 +258,7 @@ def _return_path(task: Task, q: Array, qdot: Array, qddot: Array) -> tuple[Path,
     return path, failure
 
 
-def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> bool:
+def append_return(path: Path, task: SwingTask, leg: Leg, softly: float | None) -> bool:
     """Append to a path the legs that slow down and return to the waiting posture, and rest there.
 
     Args:
@@ -274,7 +274,7 @@ def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> boo
         time, brake = _brake(path, task, leg, softly)
         path.leg(time, brake)
         leg = make_leg(brake["q1"], np.zeros(len(leg)), np.zeros(len(leg)), leg["q1"], leg["v1"])
-    least = max(STEP, path.shortest_time(0.0, leg))
+    least = max(LEG_STEP, path.shortest_time(0.0, leg))
     time = path.shortest_time(task.limits.unhurried_return * least, leg)
     found = not math.isinf(time)
     if found:
@@ -283,7 +283,7 @@ def append_return(path: Path, task: Task, leg: Leg, softly: float | None) -> boo
     return found
 
 
-def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]:
+def _brake(path: Path, task: SwingTask, leg: Leg, softly: float) -> tuple[float, Leg]:
     """Return duration (s) and leg of the shortest possible stop, at least `softly` times the least time to slow down.
 
     During the stop each joint moves by half of the distance that it would move at its present speed. Raises NoStop.
@@ -294,11 +294,11 @@ def _brake(path: Path, task: Task, leg: Leg, softly: float) -> tuple[float, Leg]
         brake = make_leg(q0, v0, a0, q0 + 0.5 * time * v0, np.zeros(len(q0)))
         if path.is_possible(time, brake):
             return time, brake
-        time += STEP
+        time += LEG_STEP
     raise NoStop(v0, a0)
 
 
-def _within_limits(task: Task, start: Joints) -> Joints:
+def _within_limits(task: SwingTask, start: Joints) -> Joints:
     """Return the start with speeds and accelerations cut to the limits; without acceleration for "polyline" or an arm at rest."""
     check_array("start.q", start.q, (len(task.model.names),))
     speed, acceleration = task.joints.speed, task.joints.acceleration

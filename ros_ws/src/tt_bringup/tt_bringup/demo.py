@@ -31,7 +31,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.physics import Physics
-from tt_core.robots import DEFAULT, arm_file, robots
+from tt_core.robots import DEFAULT_ROBOT, arm_file, robots
 from tt_core.ros.convert import ball_from_message, goal_from_message, goal_to_message, seconds
 from tt_core.ros.diagnostics import Event, read_status, read_warnings
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
@@ -42,17 +42,17 @@ from tt_tools import launch
 from tt_tools.graph import graph as graph_of_tools
 from tt_tools.graph import nodes
 
-from .demo_metrics import HEADER, DemoMetrics, demo_metrics, line, true_ball
+from .demo_metrics import TABLE_HEADER, DemoMetrics, demo_metrics, table_line, true_ball
 from .report import write_report
 
 READY = 90.0  # s, longest wait for all nodes; their first start loads compiled kernels
 BALL = 10.0  # s of simulated time, longest wait from a launch to the end of the ball
 LONGEST_REST = 3.0  # s of simulated time, longest wait from the end of a ball to the next launch
-SERVICE = 10.0  # s, longest wait for the answer of a service
-ENDING = 30.0  # s, longest wait for `ros2 launch` to end its nodes
+SERVICE_TIMEOUT = 10.0  # s, longest wait for the answer of a service
+LAUNCH_END_TIMEOUT = 30.0  # s, longest wait for `ros2 launch` to end its nodes
 LOG = "log.txt"  # file of --out for the output of the nodes
-PORT = 8080  # port of the live view, if it is free
-NODES = {"record", "sim", "estimate", "predict", "racket", "arm", "markers"}
+VIEW_PORT = 8080  # port of the live view, if it is free
+DEMO_NODES = {"record", "sim", "estimate", "predict", "racket", "arm", "markers"}
 LINKS = {  # number of subscribers that each topic must have before the first launch
     "/camera/left/image_raw": 2,
     "/camera/right/image_raw": 2,
@@ -60,7 +60,7 @@ LINKS = {  # number of subscribers that each topic must have before the first la
     "/ball/path": 2,
     "/racket/strokes": 2,
 }
-SPINS = {"top": (0, -1, 0), "back": (0, 1, 0), "left": (0, 0, -1), "right": (0, 0, 1)}  # axis of the spin of each kind of shot
+SPIN_AXES = {"top": (0, -1, 0), "back": (0, 1, 0), "left": (0, 0, -1), "right": (0, 0, 1)}  # axis of the spin of each kind of shot
 
 
 class Demo(Node):
@@ -138,7 +138,7 @@ class Demo(Node):
 
 
 @contextmanager
-def graph(arguments: Sequence[str], log: IO[str]) -> Iterator[subprocess.Popen[str]]:
+def launched_nodes(arguments: Sequence[str], log: IO[str]) -> Iterator[subprocess.Popen[str]]:
     """Start all nodes by `ros2 launch` for this context, and end them after it. The `ros2` on the PATH is used, or else our own.
 
     Args:
@@ -149,14 +149,14 @@ def graph(arguments: Sequence[str], log: IO[str]) -> Iterator[subprocess.Popen[s
         The process of `ros2 launch`.
     """
     ros2 = [found] if (found := shutil.which("ros2")) else [sys.executable, "-m", "tt_tools.ros2"]
-    command = [*launch.GUARD, *ros2, "launch", "tt_bringup", "sim.launch.yaml", *arguments]
+    command = [*launch.END_WITH_PARENT, *ros2, "launch", "tt_bringup", "sim.launch.yaml", *arguments]
     child = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, text=True)
     try:
         yield child
     finally:
         child.send_signal(signal.SIGINT)
         try:
-            child.wait(ENDING)
+            child.wait(LAUNCH_END_TIMEOUT)
         except subprocess.TimeoutExpired:
             os.killpg(child.pid, signal.SIGKILL)
             child.wait()
@@ -197,16 +197,16 @@ class Waiter:
             request: The request.
 
         Raises:
-            TtError: The service reports no success, or does not answer within SERVICE s.
+            TtError: The service reports no success, or does not answer within SERVICE_TIMEOUT s.
         """
         future = client.call_async(request)
-        self.wait(future.done, SERVICE, client.srv_name)
+        self.wait(future.done, SERVICE_TIMEOUT, client.srv_name)
         if not future.result().success:
             raise TtError(f"{client.srv_name}: {future.result().message}")
         return str(future.result().message)
 
 
-def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics]:
+def play_balls(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics]:
     """Launch balls one after another and print a line for each.
 
     Args:
@@ -225,12 +225,12 @@ def play(demo: Demo, waiter: Waiter, balls: int, rtf: float) -> list[DemoMetrics
     for _ in range(balls):
         demo.forget()
         shot = waiter.call(demo.launcher, Trigger.Request())
-        goal = demo.ask(np.array(SPINS[shot.split()[0]], float))
+        goal = demo.ask(np.array(SPIN_AXES[shot.split()[0]], float))
         waiter.wait(lambda: demo.status is not None, 10.0 + BALL / rtf, f"the end of the ball {shot}")
         assert demo.status is not None
         true = true_ball(demo.status, demo.measured.time, Physics.liu().air) if demo.measured else None
         scores.append(demo_metrics(demo.status, goal, demo.measured, demo.latency_ms, demo.refusal, true))
-        print(line(scores[-1]), flush=True)
+        print(table_line(scores[-1]), flush=True)
         again = time.monotonic() + min(max(demo.rest - demo.over, 0.0), LONGEST_REST) / rtf
         waiter.wait(lambda at=again: time.monotonic() >= at, 2.0 * LONGEST_REST / rtf, "the arm at rest")  # type: ignore[misc]
     return scores
@@ -266,7 +266,9 @@ def arguments() -> argparse.Namespace:
     """Parse and check the command line; an invalid one ends the process with a message. Makes the output folder."""
     parser = argparse.ArgumentParser(prog="scripts/demo", description=__doc__)
     parser.add_argument("--balls", type=int, default=6, metavar="N", help="how many balls (default 6)")
-    parser.add_argument("--robot", default=DEFAULT, metavar="ARM", help=f"an arm that comes with it, or an arm file (default {DEFAULT})")
+    parser.add_argument(
+        "--robot", default=DEFAULT_ROBOT, metavar="ARM", help=f"an arm that comes with it, or an arm file (default {DEFAULT_ROBOT})"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all that is random (default 0)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     parser.add_argument("--rtf", type=float, default=1.0, metavar="R", help="simulated seconds in a second (default 1)")
@@ -293,11 +295,11 @@ def arguments() -> argparse.Namespace:
 
 
 def free_port() -> int:
-    """Return a free port of 127.0.0.1: PORT if it is free, otherwise any other."""
+    """Return a free port of 127.0.0.1: VIEW_PORT if it is free, otherwise any other."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind(("127.0.0.1", PORT))
+            probe.bind(("127.0.0.1", VIEW_PORT))
         except OSError:
             probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -310,7 +312,7 @@ def stay(waiter: Waiter) -> None:
         waiter.wait(lambda: False, math.inf, "Ctrl-C")
 
 
-def start(demo: Demo, waiter: Waiter, nodes: set[str]) -> None:
+def start_robot(demo: Demo, waiter: Waiter, nodes: set[str]) -> None:
     """Wait until all nodes are there and are connected, then enable the arm and wait for its first command.
 
     Args:
@@ -339,8 +341,8 @@ def main() -> None:
     simulated = "false" if args.rtf == 1.0 else "true"
     given: dict[str, object] = {"rtf": args.rtf, "seed": args.seed, "use_sim_time": simulated, "physics": "liu", "robot": args.robot}
     given |= {"record": "true", "output": out / "bag"}
-    given["enabled"] = "false"  # `start` enables the arm when all nodes are there
-    nodes = NODES | ({"view"} if args.view else set())
+    given["enabled"] = "false"  # `start_robot` enables the arm when all nodes are there
+    nodes = DEMO_NODES | ({"view"} if args.view else set())
     if args.view:  # only simulated time can be paused
         given |= {"view": "true", "view_port": free_port(), "use_sim_time": "true"}
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -348,17 +350,17 @@ def main() -> None:
     try:
         remove_leftovers()
         refuse_neighbours()
-        with graph([f"{name}:={value}" for name, value in given.items()], log) as running:
+        with launched_nodes([f"{name}:={value}" for name, value in given.items()], log) as running:
             rclpy.init()
             try:
                 demo = Demo()
                 waiter = Waiter(demo, running)
                 print(f"starting {len(nodes)} nodes on domain {os.environ['ROS_DOMAIN_ID']}", flush=True)
-                start(demo, waiter, nodes)
+                start_robot(demo, waiter, nodes)
                 if args.view:
                     print(f"live view: http://127.0.0.1:{given['view_port']}/", flush=True)
-                print(HEADER, flush=True)
-                scores = play(demo, waiter, args.balls, args.rtf)
+                print(TABLE_HEADER, flush=True)
+                scores = play_balls(demo, waiter, args.balls, args.rtf)
                 if args.view:
                     stay(waiter)
             finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
 from tt_core.constants import RPM
@@ -139,22 +140,33 @@ def demo_metrics(
     )
 
 
-COLUMNS = (  # two lines of heading, and width in characters; 80 with the gaps between them
-    ("ball", "", 7),
-    ("spin, rpm", "true meas.", 10),
-    ("off", "rpm", 3),
-    ("hit", "mm", 4),
-    ("landing", "x, y, m", 9),
-    ("off", "mm", 4),
-    ("time", "ms", 4),
-    ("spin y, z, rad/s", "asked got", 16),
-    ("latency", "ms", 7),
+class TableColumn(NamedTuple):
+    """Two lines of heading of a column, and its width in characters."""
+
+    first: str
+    second: str
+    width: int
+
+
+TABLE_COLUMNS = (  # 80 characters with the gaps between them
+    TableColumn("ball", "", 7),
+    TableColumn("spin, rpm", "true meas.", 10),
+    TableColumn("off", "rpm", 3),
+    TableColumn("hit", "mm", 4),
+    TableColumn("landing", "x, y, m", 9),
+    TableColumn("off", "mm", 4),
+    TableColumn("time", "ms", 4),
+    TableColumn("spin y, z, rad/s", "asked got", 16),
+    TableColumn("latency", "ms", 7),
 )
-HEADER = "\n".join("  ".join(f"{column[row]:^{column[2]}}" for column in COLUMNS) for row in (0, 1))
+TABLE_HEADER = "\n".join(
+    "  ".join(f"{line:^{column.width}}" for line, column in zip(lines, TABLE_COLUMNS, strict=True))
+    for lines in zip(*((column.first, column.second) for column in TABLE_COLUMNS), strict=True)
+)
 
 
-def line(s: DemoMetrics) -> str:
-    """Return the metrics of one ball as a line of text whose columns fit HEADER.
+def table_line(s: DemoMetrics) -> str:
+    """Return the metrics of one ball as a line of text whose columns fit TABLE_HEADER.
 
     A cell is blank if its value is None. The reason why the ball was not returned, if there is one, is a second line.
 
@@ -172,10 +184,10 @@ def line(s: DemoMetrics) -> str:
         return f"{one} {other}".strip()
 
     off = None if s.landing_reached is None else float(np.hypot(*np.subtract(s.landing_reached, s.landing_asked)))
-    rpm = [None if v is None else float(np.linalg.norm(v)) / RPM for v in (s.spin_true, s.spin_measured)]
+    true, measured = (None if v is None else float(np.linalg.norm(v)) / RPM for v in (s.spin_true, s.spin_measured))
     cells = (
         s.kind,
-        pair(number(rpm[0], ".0f"), number(rpm[1], ".0f")),
+        pair(number(true, ".0f"), number(measured, ".0f")),
         number(s.spin_error_rpm, ".0f"),
         number(s.hit_error_m, ".1f", 1e3),
         places(s.landing_reached, ".2f"),
@@ -184,5 +196,5 @@ def line(s: DemoMetrics) -> str:
         pair(places(s.return_spin_asked, ".0f", ","), places(s.return_spin_reached, ".0f", ",")),
         number(s.latency_ms, ".0f"),
     )
-    row = "  ".join(f"{cell:^{column[2]}}" for cell, column in zip(cells, COLUMNS, strict=True))
+    row = "  ".join(f"{cell:^{column.width}}" for cell, column in zip(cells, TABLE_COLUMNS, strict=True))
     return row if s.reason is None else f"{row}\n{'':9}not returned: {s.reason}"

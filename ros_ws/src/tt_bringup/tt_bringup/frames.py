@@ -51,7 +51,7 @@ class _Joint:
         return Transform(self.rest.parent, self.rest.child, self.rest.rotation @ turn, self.rest.translation)
 
 
-class Frames:
+class RobotFrames:
     """The frames of a robot, one for each joint of its URDF.
 
     Attributes:
@@ -80,7 +80,7 @@ def _joint(element: ET.Element) -> _Joint:
     origin, axis = element.find("origin"), element.find("axis")
     place = np.array((origin.get("xyz", "0 0 0") if origin is not None else "0 0 0").split(), float)
     angles = np.array((origin.get("rpy", "0 0 0") if origin is not None else "0 0 0").split(), float)
-    ends = [str(element.find(end).attrib["link"]) for end in ("parent", "child")]  # type: ignore[union-attr]
+    parent, child = (str(element.find(end).attrib["link"]) for end in ("parent", "child"))  # type: ignore[union-attr]
     direction = np.array((axis.get("xyz", "1 0 0") if axis is not None else "1 0 0").split(), float)
-    rest = Transform(ends[0], ends[1], Rotation.from_euler("xyz", angles).as_matrix(), place)
+    rest = Transform(parent, child, Rotation.from_euler("xyz", angles).as_matrix(), place)
     return _Joint(element.attrib["name"], element.attrib["type"], rest, direction / np.linalg.norm(direction))

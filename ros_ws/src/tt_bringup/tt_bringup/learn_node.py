@@ -23,7 +23,7 @@ from tt_core.params import check, param
 from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, joints_from_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STATE, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
@@ -38,11 +38,10 @@ from tt_vision.warm import warm_tracker
 from tt_vision.wide_inputs import WideInputs
 
 NICE = 5  # priority of the process: the nodes that play the ball come first
-LARGEST_STATE, LARGEST_JOINTS = 4096, 1 << 16  # bytes, largest message of each kind that is read
 LAG = 0.15  # s, delay with which joint states and pixels are processed: pixels come up to 0.1 s late on a busy machine
-MOST_WAITING = 1000  # length of the queues: 3 s of pixels of both cameras, 2 s of joint states
-TOLD = 0.005  # least change of a factor that the terminal shows
-SILENCE = 0.3  # s without a pixel, after which a ball is over
+MOST_QUEUED = 1000  # length of the queues: 3 s of pixels of both cameras, 2 s of joint states
+SHOWN_CHANGE = 0.005  # least change of a factor that the terminal shows
+PIXEL_SILENCE = 0.3  # s without a pixel, after which a ball is over
 
 
 class LearnLine(Enum):
@@ -90,8 +89,8 @@ class LearnNode(Node):
         self.lesson: Lesson | None = None
         self.measured: BallState | None = None  # a measured ball that waits until the pixels before it have been used
         self.ball: BallState | None = None  # newest state of the followed ball before it meets the racket
-        self.waiting = deque[tuple[float, int, Array]](maxlen=MOST_WAITING)  # pixels to process: stamp (s), camera (0 or 1), pixel (2,)
-        self.joints = deque[Joints](maxlen=MOST_WAITING)  # joint states to process, those of the last LAG s
+        self.waiting = deque[tuple[float, int, Array]](maxlen=MOST_QUEUED)  # pixels to process: stamp (s), camera (0 or 1), pixel (2,)
+        self.joints = deque[Joints](maxlen=MOST_QUEUED)  # joint states to process, those of the last LAG s
         self.newest = -np.inf  # s, stamp of the newest pixel
         warm_tracker(wide_pair())
         self.status = Status(self)
@@ -129,15 +128,18 @@ class LearnNode(Node):
         """Queue a joint state, and process those that are LAG s old, as all pixels of their time have arrived by now."""
         try:
             state = joints_from_message(message, self.joint_names)
-            if state is None or state[2] is None:
+            if state is None:
                 return
-            self.joints.append(Joints(state[0], state[1], state[2]))
+            stamp, q, qdot = state
+            if qdot is None:
+                return
+            self.joints.append(Joints(stamp, q, qdot))
             while self.joints and not 0.0 <= self.joints[-1].time - self.joints[0].time < LAG:
-                self.look(self.joints.popleft())
+                self.process_joints(self.joints.popleft())
         except TtError as error:
             self.refused["joint state"](error)
 
-    def look(self, joints: Joints) -> None:
+    def process_joints(self, joints: Joints) -> None:
         """Process a joint state: check whether the racket has met the ball, use the pixels up to its time, check whether the ball is over.
 
         The contact is looked for first, because the tracker must not get pixels of the returned ball before the contact is known.
@@ -146,7 +148,7 @@ class LearnNode(Node):
             self.look_for_contact(self.lesson, joints)
         self.take_pixels(joints.time)
         lesson = self.lesson
-        if lesson is not None and joints.time > min(self.newest + SILENCE, lesson.struck + RETURN_SEEN + SILENCE):
+        if lesson is not None and joints.time > min(self.newest + PIXEL_SILENCE, lesson.struck + RETURN_SEEN + PIXEL_SILENCE):
             self.finish()
 
     def take_pixels(self, until: float) -> None:
@@ -156,7 +158,7 @@ class LearnNode(Node):
             stamp, side, pixel = self.waiting.popleft()
             if self.measured is not None and stamp >= self.measured.time:
                 self.begin(self.measured)
-            goes_on = abs(stamp - self.newest) < SILENCE
+            goes_on = abs(stamp - self.newest) < PIXEL_SILENCE
             if self.lesson is not None or not goes_on:  # further pixels of a ball that is over are not used
                 news = self.lesson_at(stamp).add_pixel(stamp, side, pixel) or news
             self.newest = max(self.newest, stamp) if goes_on else stamp
@@ -187,8 +189,8 @@ class LearnNode(Node):
             lesson.strike(met.racket, met.turning)
 
     def lesson_at(self, stamp: float) -> Lesson:
-        """Return the lesson of the ball that is seen at `stamp` (s); a new one after SILENCE s without pixels, which end the old one."""
-        if self.lesson is not None and abs(stamp - self.newest) > SILENCE:
+        """Return the lesson of the ball that is seen at `stamp` (s); after PIXEL_SILENCE s without pixels it is a new one."""
+        if self.lesson is not None and abs(stamp - self.newest) > PIXEL_SILENCE:
             self.finish()
         if self.lesson is None:
             self.lesson, self.ball = Lesson(self.learner, self.wide.cameras, self.tracking), None
@@ -210,8 +212,8 @@ class LearnNode(Node):
                 self.status.publish(str(failure), warn=True, reason=failure)
         factors: dict[str, Any] = dict(zip(FACTORS, np.exp(self.learner.logarithms).round(4).tolist(), strict=True))
         self.status.publish(Event.LEARNT, stamp=self.newest, **factors)
-        changed = [f"{name} {factor:.3f}" for name, factor in factors.items() if abs(factor - 1.0) > TOLD]
-        self.status.terminal.info(LearnLine.LEARNT, factors=", ".join(changed) or f"none by more than {TOLD:.1%}")
+        changed = [f"{name} {factor:.3f}" for name, factor in factors.items() if abs(factor - 1.0) > SHOWN_CHANGE]
+        self.status.terminal.info(LearnLine.LEARNT, factors=", ".join(changed) or f"none by more than {SHOWN_CHANGE:.1%}")
 
 
 def main() -> None:

@@ -23,9 +23,9 @@ from .view.items import Item, Shape
 from .view.scene_inputs import SceneInputs
 
 NICE = 5  # priority of the process: the robot comes first
-WHOLE = 1.0  # s after which all markers are published again, changed or not, for viewers that have subscribed later
+REPEAT_INTERVAL = 1.0  # s after which all markers are published again, changed or not, for viewers that have subscribed later
 LIFETIME = 2.5  # s after which a viewer removes a marker that is not published again
-KINDS = {
+MARKER_TYPES = {
     Shape.BOX: Marker.CUBE,
     Shape.CYLINDER: Marker.CYLINDER,
     Shape.ELLIPSOID: Marker.SPHERE,
@@ -68,7 +68,7 @@ class MarkerNode(Node):
             return
         now = self.inputs.now()
         items = {item.name: item for item in self.inputs.scene.items(now)}
-        is_whole = not 0.0 <= now - self.whole_at < WHOLE
+        is_whole = not 0.0 <= now - self.whole_at < REPEAT_INTERVAL
         if is_whole:
             self.whole_at = now
         changed = [item for name, item in items.items() if is_whole or item is not self.shown.get(name)]
@@ -88,7 +88,7 @@ def deletion(name: str) -> Marker:
 
 def marker(item: Item) -> Marker:
     """Return the marker message that shows an item of the scene. The name of the item is the namespace of the marker."""
-    message = Marker(ns=item.name, type=KINDS[item.shape], action=Marker.ADD, lifetime=Duration(seconds=LIFETIME).to_msg())
+    message = Marker(ns=item.name, type=MARKER_TYPES[item.shape], action=Marker.ADD, lifetime=Duration(seconds=LIFETIME).to_msg())
     pose, scale, colour = message.pose, message.scale, message.color
     pose.position.x, pose.position.y, pose.position.z = item.position.tolist()
     q = pose.orientation

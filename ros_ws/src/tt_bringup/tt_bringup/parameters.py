@@ -22,16 +22,16 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from tt_core.ros.params import describe
+from tt_core.ros.params import parameter_descriptor
 from tt_tools.packages import executable
 from tt_tools.parameter_client import ParameterClient
-from tt_tools.play_node import PlayParams
+from tt_tools.play_node import BagPlayParams
 from tt_tools.record_node import RecordParams
 from tt_vision.rig import SIDES
 
 from .view_node import ViewParams
 
-NODES = {
+NODE_PROGRAMS = {
     "sim": ("tt_sim", "sim_node"),
     "camera": ("tt_vision", "camera_node"),
     "estimate": ("tt_vision", "estimate_node"),
@@ -44,10 +44,10 @@ NODES = {
     "view": ("tt_bringup", "view_node"),
 }
 # parameters that are NaN in the file, which stands for the value of the physical model, of the world or of the arm file
-MODELS = ("air.", "table.", "racket.", "plant.")
+MODEL_PREFIXES = ("air.", "table.", "racket.", "plant.")
 OF_ARM = ("x_low", "x_high", "y_low", "y_high", "z_low", "z_high", "racket_speed", "command_timeout", "swing.command_timeout")
 OF_MIDDLEWARE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-PATIENCE = 120.0  # s, longest wait for a node to answer: its first start compiles kernels
+NODE_TIMEOUT = 120.0  # s, longest wait for a node to answer: its first start compiles kernels
 
 
 @dataclass(slots=True)
@@ -76,9 +76,9 @@ def ask(node: Node, name: str) -> list[Declared]:
         The parameters, sorted by name.
 
     Raises:
-        TtError: The node does not answer within PATIENCE s.
+        TtError: The node does not answer within NODE_TIMEOUT s.
     """
-    client = ParameterClient(node, name, PATIENCE)
+    client = ParameterClient(node, name, NODE_TIMEOUT)
     names = [n for n in client.names() if not n.startswith(OF_MIDDLEWARE)]
     values = map(parameter_value_to_python, client.values(names))
     return [Declared(*row) for row in zip(names, values, client.descriptors(names), strict=True)]
@@ -93,7 +93,7 @@ def as_yaml(nodes: dict[str, list[Declared]]) -> str:
     for node, parameters in nodes.items():
         lines += [f"/**/{node}:", "  ros__parameters:"]
         for one in parameters:
-            is_default = one.name.startswith(MODELS) or one.name in OF_ARM
+            is_default = one.name.startswith(MODEL_PREFIXES) or one.name in OF_ARM
             value = float("nan") if is_default else list(one.value) if hasattr(one.value, "tolist") else one.value
             text = yaml.safe_dump(value, default_flow_style=True, width=1000).removesuffix("\n...\n").strip()
             lines.append(f"    {one.name}: {text}  # {one.descriptor.description}")
@@ -127,7 +127,11 @@ def as_markdown(nodes: dict[str, list[Declared]]) -> str:
 def of_class(kind: type) -> list[Declared]:
     """Return the parameters that a dataclass of `param` fields declares, for nodes that offer no parameter services."""
     return [
-        Declared(f.name, list(f.default) if isinstance(f.default, tuple) else f.default, describe(f.metadata, f.default, read_only=True))
+        Declared(
+            f.name,
+            list(f.default) if isinstance(f.default, tuple) else f.default,
+            parameter_descriptor(f.metadata, f.default, read_only=True),
+        )
         for f in sorted(fields(kind), key=lambda f: f.name)
     ]
 
@@ -143,12 +147,12 @@ def collect() -> dict[str, list[Declared]]:
             cv2.imwrite(f"{folder}/{side}_0.000000.png", np.zeros((8, 8), np.uint8))
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         given = {"camera": ["--ros-args", "-p", f"path:={folder}"], "view": ["--ros-args", "-p", "port:=0"]}
-        started = [subprocess.Popen([executable(*place), *given.get(name, ())]) for name, place in NODES.items()]
+        started = [subprocess.Popen([executable(*place), *given.get(name, ())]) for name, place in NODE_PROGRAMS.items()]
         rclpy.init()
         node, executor = rclpy.create_node("parameters"), SingleThreadedExecutor()
         executor.add_node(node)
         try:
-            nodes = {name: ask(node, name) for name in NODES}
+            nodes = {name: ask(node, name) for name in NODE_PROGRAMS}
         finally:
             executor.shutdown()
             node.destroy_node()
@@ -159,7 +163,7 @@ def collect() -> dict[str, list[Declared]]:
                 process.wait()
     for one in nodes["camera"] + nodes["view"]:
         one.value = {"path": "", "port": ViewParams.port}.get(one.name, one.value)
-    return nodes | {"record": of_class(RecordParams), "play": of_class(PlayParams)}
+    return nodes | {"record": of_class(RecordParams), "play": of_class(BagPlayParams)}
 
 
 def main() -> None:

@@ -24,20 +24,20 @@ from tt_arm.arm_file import InstalledArm
 from tt_arm.description import placed_description
 from tt_arm.model import base_placement
 from tt_core.errors import TtError
-from tt_core.params import from_values
+from tt_core.params import params_from_values
 from tt_core.robots import read_arm
-from tt_core.ros.bags import TYPES, Bag, Message, bag_files
+from tt_core.ros.bags import TYPESTORE, Bag, Message, bag_files
 from tt_tools.bagfile import BagFile
 from tt_vision.estimate_node import read_poses
 from tt_vision.rig import SIDES
 
-from .frames import Frames, Transform
-from .stages import STAGES, Chain
+from .frames import RobotFrames, Transform
+from .stages import STAGES, StageChain
 
 TF = "tf2_msgs/msg/TFMessage"
 FOREVER = QosTime(9223372036, 854775807)
 URDF = "robot_arm_urdf.urdf"
-NODES = ("estimate", "predict", "racket", "arm")
+REPROCESSED_NODES = ("estimate", "predict", "racket", "arm")
 
 
 def offered(*, latched: bool = False) -> Qos:
@@ -60,7 +60,7 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
             yield f"{prefix}{name}", value
 
 
-def parameters(text: str) -> dict[str, dict[str, Any]]:
+def node_parameters(text: str) -> dict[str, dict[str, Any]]:
     """Read the text of a parameter file.
 
     Returns:
@@ -106,9 +106,9 @@ def all_parameters(attached: Mapping[str, bytes], files: Sequence[Path]) -> dict
             texts.append(file.read_text())
         except (OSError, UnicodeDecodeError) as error:
             raise TtError(f"{file} cannot be read: {error}") from error
-    found: dict[str, dict[str, Any]] = {node: {} for node in NODES}
+    found: dict[str, dict[str, Any]] = {node: {} for node in REPROCESSED_NODES}
     for text in texts:
-        for node, values in parameters(text).items():
+        for node, values in node_parameters(text).items():
             found.setdefault(node, {}).update(values)
     return found
 
@@ -123,7 +123,7 @@ def recorded_description(urdf: str | None, values: Mapping[str, Mapping[str, Any
     Raises:
         TtError: The arm that the parameters name cannot be read, or `urdf` is no URDF.
     """
-    params = from_values(InstalledArm, values["arm"])
+    params = params_from_values(InstalledArm, values["arm"])
     if urdf is None:
         return params.model().placed_description
     return placed_description(urdf, base_placement(params.base or read_arm(params.robot)[0].base))
@@ -137,8 +137,8 @@ def packed(kind: str, message: Any) -> bytes:
         message: A message of rclpy or of rosbags.
     """
     if not hasattr(message, "get_fields_and_field_types"):
-        return bytes(TYPES.serialize_cdr(message, kind))
-    return bytes(TYPES.serialize_cdr(TYPES.deserialize_cdr(serialize_message(message), kind), kind))
+        return bytes(TYPESTORE.serialize_cdr(message, kind))
+    return bytes(TYPESTORE.serialize_cdr(TYPESTORE.deserialize_cdr(serialize_message(message), kind), kind))
 
 
 class TransformMessages:
@@ -154,8 +154,8 @@ class TransformMessages:
         Raises:
             TtError: The URDF or a parameter cannot be used.
         """
-        self._frames = Frames(recorded_description(urdf, values))
-        cameras = read_poses(lambda kind, prefix="": from_values(kind, values["estimate"], prefix))
+        self._frames = RobotFrames(recorded_description(urdf, values))
+        cameras = read_poses(lambda kind, prefix="": params_from_values(kind, values["estimate"], prefix))
         self._fixed = list(self._frames.fixed)
         for name, camera in zip(SIDES, cameras, strict=True):
             back = camera.rotation.T
@@ -163,7 +163,7 @@ class TransformMessages:
 
     def static(self, at: int) -> Any:
         """Return the message of /tf_static with the transforms that never change. at: its stamp, ns."""
-        stamp = TYPES.types["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
+        stamp = TYPESTORE.types["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
         return self._message(stamp, self._fixed)
 
     def moving(self, joints: Any) -> Any:
@@ -172,10 +172,10 @@ class TransformMessages:
 
     @staticmethod
     def _message(stamp: Any, transforms: Sequence[Transform]) -> Any:
-        make = {name: TYPES.types[f"geometry_msgs/msg/{name}"] for name in ("TransformStamped", "Transform", "Vector3", "Quaternion")}
+        make = {name: TYPESTORE.types[f"geometry_msgs/msg/{name}"] for name in ("TransformStamped", "Transform", "Vector3", "Quaternion")}
         rows = [
             make["TransformStamped"](
-                TYPES.types["std_msgs/msg/Header"](stamp, one.parent),
+                TYPESTORE.types["std_msgs/msg/Header"](stamp, one.parent),
                 one.child,
                 make["Transform"](
                     make["Vector3"](*one.translation.tolist()), make["Quaternion"](*Rotation.from_matrix(one.rotation).as_quat().tolist())
@@ -183,10 +183,10 @@ class TransformMessages:
             )
             for one in transforms
         ]
-        return TYPES.types[TF](rows)
+        return TYPESTORE.types[TF](rows)
 
 
-class Output:
+class RecordingWriter:
     """Writer of the new recording."""
 
     def __init__(self, path: Path) -> None:
@@ -243,14 +243,14 @@ def reprocess(path: Path, first: str, output: Path, files: Sequence[Path] = ()) 
     """
     attached = attachments(path)
     values = all_parameters(attached, files)
-    chain = Chain(first, values)
+    chain = StageChain(first, values)
     transforms = TransformMessages(attached[URDF].decode() if URDF in attached else None, values)
     begin = time.monotonic()
     with Bag(path) as bag:
         names = {full: name for name in (*chain.inputs, *chain.outputs, "joint_states") if (full := bag.find(name))}
         if not any(names[full] in chain.inputs - {"return/goal"} for full in names):
             raise TtError(f"{path} has none of {', '.join(sorted(chain.inputs))}, which {first} needs")
-        result = Output(output)
+        result = RecordingWriter(output)
         try:
             _run(bag, names, chain, transforms, result)
             written = result.close(attached, bag.start)
@@ -262,7 +262,7 @@ def reprocess(path: Path, first: str, output: Path, files: Sequence[Path] = ()) 
     return f"made {counts}{refused}\nwrote {written}; {speed:.1f} times as fast as recorded"
 
 
-def _run(bag: Bag, names: Mapping[str, str], chain: Chain, transforms: TransformMessages, result: Output) -> None:
+def _run(bag: Bag, names: Mapping[str, str], chain: StageChain, transforms: TransformMessages, result: RecordingWriter) -> None:
     recorded = {topic.name: topic.offered for topic in bag.topics}
     with_tf = "/tf" not in recorded and "joint_states" in names.values()
     if with_tf and "/tf_static" not in recorded:
@@ -277,7 +277,7 @@ def _run(bag: Bag, names: Mapping[str, str], chain: Chain, transforms: Transform
             _take(bag, message, name, chain, result)
 
 
-def _take(bag: Bag, message: Message, name: str, chain: Chain, result: Output) -> None:
+def _take(bag: Bag, message: Message, name: str, chain: StageChain, result: RecordingWriter) -> None:
     namespace = message.topic.removesuffix(name)
     for output in chain.take(name, bag.decode(message)):
         result.add(f"{namespace}{output.topic}", output.kind, message.time, packed(output.kind, output.message), [offered()])

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from nav_msgs.msg import Odometry
 from tt_core.errors import TtError
 from tt_core.failures import Failure
-from tt_core.params import from_values
+from tt_core.params import params_from_values
 from tt_core.ros.convert import (
     ball_from_message,
     ball_to_message,
@@ -48,7 +48,7 @@ Values = Mapping[str, Any]  # parameter values of one node, by name
 Reader = Callable[..., Any]  # read(kind, prefix="") returns an instance of a dataclass of parameters
 
 
-class Output(NamedTuple):
+class StageOutput(NamedTuple):
     """A message that a stage has made.
 
     Attributes:
@@ -85,17 +85,17 @@ class Vision:
         self.sides = [SIDES.index(alone)] if alone else [0, 1]
         self.inputs = {f"camera/{name}/{what}" for name in SIDES for what in ("image_raw", "camera_info")}
 
-    def take(self, topic: str, message: Any) -> Output | None:
+    def take(self, topic: str, message: Any) -> StageOutput | None:
         """Process a message of one of the topics `inputs`. Return the measured ball if the message completes one, otherwise None."""
         burst = self.add(topic, message)
         measured = None if burst is None else self.measure(burst)
         if measured is None:
             return None
-        result = measured[1]
+        _, result = measured
         if result.ball is None or result.reason is not None:
             self.refused[_code(result.reason)] += 1
             return None
-        return Output("ball/measured", ODOMETRY, ball_to_message(result.ball))
+        return StageOutput("ball/measured", ODOMETRY, ball_to_message(result.ball))
 
     def add(self, topic: str, message: Any) -> Burst | None:
         """Add a message of one of the topics `inputs`, and return the burst if the message completes one, otherwise None.
@@ -138,10 +138,10 @@ class Predict:
         self.physics, self.stop = read_physics(read), StopRule.at_x(read(PredictParams).until_x)
         self.inputs, self.refused = {"ball/measured"}, Counter[str]()
 
-    def take(self, _: str, message: Odometry) -> Output | None:
+    def take(self, _: str, message: Odometry) -> StageOutput | None:
         """Return the predicted path of a measured ball."""
         path = rollout_past_net(ball_from_message(message), self.physics, self.stop).path
-        return Output("ball/path", TRAJECTORY, path_to_message(thinned(path)))
+        return StageOutput("ball/path", TRAJECTORY, path_to_message(thinned(path)))
 
 
 class Racket:
@@ -163,7 +163,7 @@ class Racket:
         self.ball = FollowedBall()
         self.inputs, self.refused = {"ball/path", "return/goal"}, Counter[str]()
 
-    def take(self, topic: str, message: Any) -> Output | None:
+    def take(self, topic: str, message: Any) -> StageOutput | None:
         """Process a message of one of the topics `inputs`. Return the strokes for a path, which may be none; None for a goal."""
         if topic == "return/goal":
             self.goal = goal_from_message(message)
@@ -174,7 +174,7 @@ class Racket:
         rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
         if not rackets:
             self.refused[_code(found.reason)] += 1
-        return Output("racket/strokes", TRAJECTORY, strokes_to_message(rackets, path.times[0]))
+        return StageOutput("racket/strokes", TRAJECTORY, strokes_to_message(rackets, path.times[0]))
 
 
 STAGES: dict[str, tuple[str, type[Vision] | type[Predict] | type[Racket]]] = {  # by name: the node that has the parameters, and the class
@@ -184,7 +184,7 @@ STAGES: dict[str, tuple[str, type[Vision] | type[Predict] | type[Racket]]] = {  
 }
 
 
-class Chain:
+class StageChain:
     """A sequence of stages, each of which processes the messages that the one before it has made.
 
     Attributes:
@@ -219,14 +219,14 @@ class Chain:
         """How often a stage made nothing, by the code of the reason, or by topic and name of the error for an unusable message."""
         return sum((stage.refused for stage in self._stages), self._errors)
 
-    def take(self, topic: str, message: Any) -> list[Output]:
+    def take(self, topic: str, message: Any) -> list[StageOutput]:
         """Process a recorded message by all stages, and return the messages that they make. A message that cannot be used is counted.
 
         Args:
             topic: Relative name of its topic, one of `inputs`.
             message: The message.
         """
-        outputs: list[Output] = []
+        outputs: list[StageOutput] = []
         for stage in self._stages:
             if topic not in stage.inputs:
                 continue
@@ -244,7 +244,7 @@ class Chain:
 
 
 def _read(values: Values, kind: Any, prefix: str = "") -> Any:
-    return from_values(kind, values, prefix)
+    return params_from_values(kind, values, prefix)
 
 
 def _code(reason: Failure | None) -> str:

@@ -31,10 +31,11 @@ from tt_core.params import check, param
 from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, goal_to_message, image_from_message
 from tt_core.ros.diagnostics import Event, Status, read_status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_STATE, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, NEWEST, SENSOR
+from tt_vision.rig import SIDES
 
 from .view.actions import Action, Enable, Launch, Pause, SetGoal, SetRate, Step, Stop
 from .view.gate import Gate, is_loopback
@@ -43,11 +44,17 @@ from .view.readings import Health, Readings
 from .view.scene_inputs import SceneInputs
 
 NICE = 10  # priority of the process: the robot comes first
-SIDES = ("left", "right")
-PANELS = 6  # the panels are updated once in so many updates of the scene
+UPDATES_PER_PANEL = 6  # the panels are updated once in so many updates of the scene
 IMAGES = 0.01  # s, shortest time between two images of a camera that are read
-LARGEST_IMAGE, LARGEST_STATE = 2**26, 4096  # bytes, largest message of each kind that is read
-STAGES = (Event.FIRST_ESTIMATE, Event.MEASURED, Event.PATH, Event.STROKES, Event.SWING, Event.FIRST_COMMAND)  # latencies that are shown
+LARGEST_SHOWN_IMAGE = 2**26  # bytes, largest message with an image that is read
+SHOWN_STAGES = (
+    Event.FIRST_ESTIMATE,
+    Event.MEASURED,
+    Event.PATH,
+    Event.STROKES,
+    Event.SWING,
+    Event.FIRST_COMMAND,
+)  # latencies that are shown
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,7 @@ class ViewNode(Node):
         for side in SIDES:
             on_image = lambda message, side=side: self.on_image(side, message)  # noqa: E731
             topic = f"camera/{side}/image_raw"
-            Input(self, Image, topic, on_image, NEWEST, largest=LARGEST_IMAGE, refused=refused, interval=IMAGES)
+            Input(self, Image, topic, on_image, NEWEST, largest=LARGEST_SHOWN_IMAGE, refused=refused, interval=IMAGES)
 
     def on_true_ball(self, message: Odometry) -> None:
         """Give the true ball of the simulator to the scene."""
@@ -127,7 +134,7 @@ class ViewNode(Node):
         now = self.inputs.now()
         self.readings.take_health(Health(now, s.name, int.from_bytes(s.level, "little"), s.message) for s in message.status)
         for status in read_status(message):
-            if status.event in STAGES and "latency_ms" in status.values:
+            if status.event in SHOWN_STAGES and "latency_ms" in status.values:
                 self.readings.take_latency(status.event.value, float(status.values["latency_ms"]))
 
     def on_timer(self) -> None:
@@ -138,7 +145,7 @@ class ViewNode(Node):
             return
         now = self.inputs.now()
         self.page.draw(self.inputs.scene.items(now))
-        if self.updates % PANELS == 0:
+        if self.updates % UPDATES_PER_PANEL == 0:
             self.page.show(self.inputs.scene, self.readings, now)
         self.updates += 1
 

@@ -61,31 +61,31 @@ def flights(ball: BallState, physics: Physics) -> BallPath:
 def main() -> None:
     """Compile all kernels in two processes; the exit code of this process is that of the second one."""
     physics, (ball, _) = Physics.liu(), _launched()
-    _tell("flight and rebounds")
+    _print_step("flight and rebounds")
     path = flights(ball, physics)
     beside = multiprocessing.get_context("spawn").Process(target=vision)
     beside.start()
-    _tell("cameras and tracker beside: prediction")
+    _print_step("cameras and tracker beside: prediction")
     uncertainty(BallState.from_vector(0.0, ball.vector, 1e-6 * np.eye(9)), physics, StopRule.at_x(-0.4))
     Predictor(physics).positions(ball.vector, path.times)
-    _tell("strokes")
+    _print_step("strokes")
     goal = default_goal(ball.spin, GoalParams())
     intercept(path, goal, physics, InterceptParams())
     solve(path.end, goal, physics, method="sam")
-    _tell("arm")
+    _print_step("arm")
     arm = ArmModel.pa10()
     warm_arm(arm)
     warm_hardware(Plant(arm))
-    _tell("arms without a closed form")
+    _print_step("arms without a closed form")
     warm_arm(replace(arm, closed_form=None))
-    _tell("rallies")
+    _print_step("rallies")
     for scenario in ("liu", "real"):
         sweep_metrics(play(load(scenario, images=False), 0))
     beside.join()
     sys.exit(beside.exitcode)
 
 
-def _tell(what: str) -> None:
+def _print_step(what: str) -> None:
     """Print what is compiled now, as it takes a minute or more."""
     print(f"  {what}", flush=True)
 

@@ -1,4 +1,4 @@
-"""The array type, and the order of numbers in arrays that hold a state of the ball."""
+"""The types of arrays, and the order of numbers in arrays that hold a state of the ball."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Triple = tuple[float, float, float]  # three components of a vector, in compiled functions that must allocate no memory
+Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]  # (h, w) grey levels
 
 # elements of a state (9,): position in m, velocity in m/s, spin in rad/s, frame `table`
 X, Y, Z, VX, VY, VZ, WX, WY, WZ = range(9)

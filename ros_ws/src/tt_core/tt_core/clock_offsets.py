@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-WINDOW = 10.0  # s, for which a measured offset is used
+OFFSET_WINDOW = 10.0  # s, for which a measured offset is used
 MAX_SOURCES = 16
 MAX_SAMPLES = 64  # of one source; at 4 questions a second the window holds 40
 MAX_NAME = 128  # characters of the name of a source
-ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
+CLOCK_ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
 
 
 class ClockOffset(NamedTuple):
@@ -40,7 +40,7 @@ class _Sample(NamedTuple):
 class ClockOffsets:
     """Offsets of at most MAX_SOURCES other clocks.
 
-    The offset of a clock is that of the quickest exchange, question and answer, in the last WINDOW seconds.
+    The offset of a clock is that of the quickest exchange, question and answer, in the last OFFSET_WINDOW seconds.
     """
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ class ClockOffsets:
             now: s, our clock.
 
         Returns:
-            The offset, or None if there was no exchange in the WINDOW seconds before `now`.
+            The offset, or None if there was no exchange in the OFFSET_WINDOW seconds before `now`.
         """
         recent = [sample for sample in self._samples.get(source, ()) if _recent(sample, now)]
         if not recent:
@@ -99,9 +99,9 @@ class ClockOffsets:
 
 def _recent(sample: _Sample, now: float) -> bool:
     """Tell whether a sample still counts at `now` (s)."""
-    return abs(now - sample.time) <= WINDOW
+    return abs(now - sample.time) <= OFFSET_WINDOW
 
 
 def _agree(one: _Sample, other: _Sample) -> bool:
     """Tell whether one offset lies within the uncertainty of both."""
-    return abs(one.offset - other.offset) <= one.uncertainty + other.uncertainty + ROUNDING
+    return abs(one.offset - other.offset) <= one.uncertainty + other.uncertainty + CLOCK_ROUNDING

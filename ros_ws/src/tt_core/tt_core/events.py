@@ -18,7 +18,7 @@ from numba import njit
 from .arrays import SPIN, STATE, TIME, VELOCITY, VX, VY, VZ, Array, X, Z
 from .bounce import rebound_table
 from .constants import BALL_RADIUS, FLOOR_Z, NET_X
-from .flight import MAX_STEP, AirCoefficients, crossing, ease, step
+from .flight import MAX_STEP, AirCoefficients, crossing_time, ease, step
 from .path_end import PathEnd
 from .physics import Physics, PhysicsCoefficients, physics_coefficients
 from .states import BallState
@@ -28,8 +28,8 @@ Rows = npt.NDArray[np.int64]
 
 MOST_BOUNCES = 16  # then the ball rolls
 LONGEST_PATH = 5.0  # s of a path; no ball flies longer
-FARTHEST = 100.0  # m, of each coordinate; no hall is larger
-FASTEST = 1000.0  # m/s, sum over the axes; a ball that is faster comes from a broken state
+LARGEST_COORDINATE = 100.0  # m, of each coordinate; no hall is larger
+LARGEST_SPEED_SUM = 1000.0  # m/s, sum over the axes; a ball that is faster comes from a broken state
 LIU_WINDOW_LOW, LIU_WINDOW_HIGH = -0.3, 0.0  # m in x, where the dissertation hits, Section 4.5.1
 
 
@@ -73,22 +73,22 @@ def _stops_at(
     """Return the seconds into the step at which StopKind.X or StopKind.LIU holds, or inf. `bounced`: after a bounce."""
     if stop.kind == StopKind.X:
         crosses = (state[X] - stop.x) * (end[X] - stop.x) <= 0.0 and state[X] != stop.x
-        return crossing(state, 0.0, h, X, stop.x, air, trial, work) if crosses else np.inf
+        return crossing_time(state, 0.0, h, X, stop.x, air, trial, work) if crosses else np.inf
     if stop.kind != StopKind.LIU:
         return np.inf
     best = np.inf
     if state[X] > LIU_WINDOW_LOW >= end[X]:
-        best = crossing(state, 0.0, h, X, LIU_WINDOW_LOW, air, trial, work)
+        best = crossing_time(state, 0.0, h, X, LIU_WINDOW_LOW, air, trial, work)
     if bounced:
         enter = 0.0
         if state[X] > LIU_WINDOW_HIGH:
-            enter = crossing(state, 0.0, h, X, LIU_WINDOW_HIGH, air, trial, work) if end[X] <= LIU_WINDOW_HIGH else np.inf
+            enter = crossing_time(state, 0.0, h, X, LIU_WINDOW_HIGH, air, trial, work) if end[X] <= LIU_WINDOW_HIGH else np.inf
         if enter <= h:
             step(state, enter, air, trial, work)
             if trial[VZ] <= 0.0:
                 best = min(best, enter)
             elif end[VZ] <= 0.0:
-                best = min(best, crossing(state, enter, h, VZ, 0.0, air, trial, work))
+                best = min(best, crossing_time(state, enter, h, VZ, 0.0, air, trial, work))
     return best
 
 
@@ -110,11 +110,11 @@ def put_row(rows: Array, n: int, time: float, state: Array) -> None:
 
 @njit(cache=True)
 def is_lost(state: Array) -> bool:
-    """Tell whether a state (9,) is not finite, farther than FARTHEST or faster than FASTEST, as no ball is."""
+    """Tell whether a state (9,) is not finite, farther than LARGEST_COORDINATE or faster than LARGEST_SPEED_SUM, as no ball is."""
     for k in range(3):
-        if not abs(state[k]) <= FARTHEST:
+        if not abs(state[k]) <= LARGEST_COORDINATE:
             return True
-    return not abs(state[VX]) + abs(state[VY]) + abs(state[VZ]) <= FASTEST
+    return not abs(state[VX]) + abs(state[VY]) + abs(state[VZ]) <= LARGEST_SPEED_SUM
 
 
 @njit(cache=True)
@@ -154,7 +154,7 @@ def walk(
         if stop.kind == StopKind.X or stop.kind == StopKind.LIU:
             stopped = _stops_at(now, end, h, stop, bounces > 0, air, trial, work)
         if end[Z] <= FLOOR_Z + BALL_RADIUS < now[Z]:
-            floor = crossing(now, 0.0, h, Z, FLOOR_Z + BALL_RADIUS, air, trial, work)
+            floor = crossing_time(now, 0.0, h, Z, FLOOR_Z + BALL_RADIUS, air, trial, work)
         first = min(table, stopped, floor, edge, net)
         if first <= h:
             step(now, first, air, end, work)

@@ -12,7 +12,7 @@ from .physics import Physics
 FACTORS = ("drag", "lift", "restitution", "friction", "grip", "rubber_restitution", "rubber_grip")
 OF_BALL = 5  # the first 5 FACTORS can be learnt from a flight with a bounce on the table, the others only from a contact with the racket
 MOST_TANGENTIAL = 0.79  # above 0.8 a shell would come back from the rubber faster than it slipped
-FARTHEST = math.log(2.0)  # largest absolute logarithm of a factor: no ball has twice the drag of another one
+LARGEST_LOG_FACTOR = math.log(2.0)  # largest absolute logarithm of a factor: no ball has twice the drag of another one
 MOST_OF_TABLE = 2.0  # friction and grip, upper ends of their ranges
 
 
@@ -27,7 +27,7 @@ def scaled(physics: Physics, logarithms: Sequence[float] | Array) -> Physics:
     Returns:
         The new models, with the limits that `multiplied` describes.
     """
-    return multiplied(physics, [math.exp(min(FARTHEST, max(-FARTHEST, float(value)))) for value in logarithms])
+    return multiplied(physics, [math.exp(min(LARGEST_LOG_FACTOR, max(-LARGEST_LOG_FACTOR, float(value)))) for value in logarithms])
 
 
 def multiplied(physics: Physics, factors: Sequence[float]) -> Physics:

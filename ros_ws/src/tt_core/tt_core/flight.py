@@ -299,7 +299,7 @@ def fly(state: Array, duration: float, air: Array, max_step: float = MAX_STEP) -
 
 
 @njit(cache=True, error_model="numpy")
-def crossing(state: Array, low: float, high: float, axis: int, level: float, air: AirCoefficients, trial: Array, work: Array) -> float:
+def crossing_time(state: Array, low: float, high: float, axis: int, level: float, air: AirCoefficients, trial: Array, work: Array) -> float:
     """Find the time within one step at which an element of the state crosses a level.
 
     Newton's method, limited to the interval from `low` to `high`, works on states that are integrated to each trial time. So the result is

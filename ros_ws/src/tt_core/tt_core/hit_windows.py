@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from .errors import check_range
 
-LARGEST = 5.0  # m, of a coordinate
+LARGEST_WINDOW_COORDINATE = 5.0  # m, of a coordinate
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class HitWindow:
     """Box in which the centre of the ball lies when it is hit, m, frame `table`.
 
     Raises:
-        OutOfRange: A coordinate is beyond LARGEST, or a lower bound is above its upper bound.
+        OutOfRange: A coordinate is beyond LARGEST_WINDOW_COORDINATE, or a lower bound is above its upper bound.
         NotFinite: A coordinate is NaN or infinite.
     """
 
@@ -28,8 +28,8 @@ class HitWindow:
     def __post_init__(self) -> None:
         """Refuse a box without an inside, or outside the hall."""
         for axis in "xyz":
-            high = check_range(f"{axis}_high", getattr(self, f"{axis}_high"), -LARGEST, LARGEST)
-            check_range(f"{axis}_low", getattr(self, f"{axis}_low"), -LARGEST, high)
+            high = check_range(f"{axis}_high", getattr(self, f"{axis}_high"), -LARGEST_WINDOW_COORDINATE, LARGEST_WINDOW_COORDINATE)
+            check_range(f"{axis}_low", getattr(self, f"{axis}_low"), -LARGEST_WINDOW_COORDINATE, high)
 
 
 HIT_WINDOWS = {

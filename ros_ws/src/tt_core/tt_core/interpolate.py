@@ -47,6 +47,19 @@ def hermite_rate(p0: float, v0: float, p1: float, v1: float, duration: float, sh
 
 
 @njit(cache=True)
+def hermite_weights(duration: float, share: float) -> tuple[float, float, float, float]:
+    """Return the factors on p0, v0, p1 and v1 whose sum is the polynomial of `hermite`, for many coordinates over the same interval.
+
+    Args:
+        duration: Length of the interval, s.
+        share: Time since the start over `duration`, 0 to 1.
+    """
+    left = 1.0 - share
+    start, start_rate = (1.0 + 2.0 * share) * left * left, share * left * left * duration
+    return start, start_rate, share * share * (3.0 - 2.0 * share), -share * share * left * duration
+
+
+@njit(cache=True)
 def interpolate_states(times: Array, states: Array, at: Array) -> Array:
     """Interpolate states of the ball in time.
 

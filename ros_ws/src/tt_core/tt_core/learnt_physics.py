@@ -14,8 +14,8 @@ from .errors import BadChoice, NotFinite, TtError
 from .physics import Physics
 
 LISTENERS = ("track", "predict", "racket")  # nodes that take coefficients from the topic `physics` while they run
-NODES = ("estimate", *LISTENERS, "learn", "markers", "view")  # nodes that use the models; not `sim`, whose models are the truth
-PARTS = ("air", "table", "racket")
+PHYSICS_NODES = ("estimate", *LISTENERS, "learn", "markers", "view")  # nodes that use the models; not `sim`, whose models are the truth
+PHYSICS_PARTS = ("air", "table", "racket")
 MOST_CHARACTERS = 20_000  # of a text; one has 6,000
 
 
@@ -27,7 +27,7 @@ class PhysicsFailure(Enum):
     NOTHING = "nothing for /**/{node}"
 
 
-def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -> str:
+def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = PHYSICS_NODES) -> str:
     """Return the text of a ROS parameter file with all coefficients, for each of several nodes.
 
     Args:
@@ -37,7 +37,7 @@ def physics_to_text(physics: Physics, base: str, nodes: Sequence[str] = NODES) -
     """
     values = [
         f"    {part}.{field.name}: {float(getattr(getattr(physics, part), field.name))!r}"
-        for part in PARTS
+        for part in PHYSICS_PARTS
         for field in fields(getattr(physics, part))
     ]
     lines = list[str]()
@@ -70,18 +70,18 @@ def physics_from_text(text: str, node: str, present: Physics) -> Physics:
     values = _mapping(section.get("ros__parameters"))
     if not values:
         raise TtError(PhysicsFailure.NOTHING, node=node)
-    changes: dict[str, dict[str, float]] = {part: {} for part in PARTS}
+    changes: dict[str, dict[str, float]] = {part: {} for part in PHYSICS_PARTS}
     for name, value in values.items():
         if name == "physics":
             continue
         part, _, field = str(name).partition(".")
-        known = tuple(one.name for one in fields(getattr(present, part))) if part in PARTS else ()
+        known = tuple(one.name for one in fields(getattr(present, part))) if part in PHYSICS_PARTS else ()
         if field not in known:
-            raise BadChoice("coefficient", str(name), tuple(f"{part}.{one}" for one in known) or PARTS)
+            raise BadChoice("coefficient", str(name), tuple(f"{part}.{one}" for one in known) or PHYSICS_PARTS)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise NotFinite(str(name), value)
         changes[part][field] = float(value)
-    return replace(present, **{part: replace(getattr(present, part), **changes[part]) for part in PARTS})
+    return replace(present, **{part: replace(getattr(present, part), **changes[part]) for part in PHYSICS_PARTS})
 
 
 def _mapping(value: Any) -> Mapping[Any, Any]:

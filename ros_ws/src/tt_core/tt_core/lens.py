@@ -10,8 +10,8 @@ import numpy as np
 from .errors import TtError, check_array
 from .states import Array
 
-WIDEST = math.radians(80.0)  # rad, largest angle between a ray and the optical axis; a pinhole projects nothing at 90 degrees
-TOLERANCE = 0.01  # pixels, largest error of the rational model; a ball is located to 0.02 pixels
+WIDEST_ANGLE = math.radians(80.0)  # rad, largest angle between a ray and the optical axis; a pinhole projects nothing at 90 degrees
+RATIONAL_TOLERANCE = 0.01  # pixels, largest error of the rational model; a ball is located to 0.02 pixels
 _SAMPLES = 400  # angles at which the models are compared
 _PASSES = 6  # of the linear fit, each weighted with the denominator of the one before (Sanathanan and Koerner 1963)
 
@@ -36,12 +36,14 @@ def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> 
         focal_length: Pixels.
 
     Returns:
-        (8,) k1, k2, p1, p2, k3, k4, k5, k6 of the rational model in the order of OpenCV. Its error is below TOLERANCE within `reach`.
+        (8,) k1, k2, p1, p2, k3, k4, k5, k6 of the rational model in the order of OpenCV. Its error is below RATIONAL_TOLERANCE within
+        `reach`.
 
     Raises:
         BadShape: `fisheye` has another shape.
         NotFinite: A coefficient is NaN or infinite.
-        TtError: The lens sees more than WIDEST to the side, its radius does not rise with the angle, or the fit is worse than TOLERANCE.
+        TtError: The lens sees more than WIDEST_ANGLE to the side, its radius does not rise with the angle, or the fit is worse than
+            RATIONAL_TOLERANCE.
     """
     k1, k2, k3, k4 = check_array("fisheye", fisheye, (4,))
 
@@ -50,12 +52,12 @@ def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> 
         square = angle**2
         return angle * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
 
-    coarse = np.linspace(0.0, WIDEST, _SAMPLES + 1)
+    coarse = np.linspace(0.0, WIDEST_ANGLE, _SAMPLES + 1)
     beyond = np.flatnonzero(image(coarse) >= reach)
-    angle = np.linspace(0.0, coarse[beyond[0]] if len(beyond) else WIDEST, _SAMPLES + 1)[1:]
+    angle = np.linspace(0.0, coarse[beyond[0]] if len(beyond) else WIDEST_ANGLE, _SAMPLES + 1)[1:]
     radius = image(angle)
     if len(beyond) == 0 or (np.diff(radius) <= 0.0).any():
-        raise TtError(LensFailure.TOO_WIDE, lens=fisheye, reach=reach, widest=math.degrees(WIDEST))
+        raise TtError(LensFailure.TOO_WIDE, lens=fisheye, reach=reach, widest=math.degrees(WIDEST_ANGLE))
     straight = np.tan(angle)
     widest, share = straight[-1] ** 2, radius / straight
     s = straight**2 / widest
@@ -66,7 +68,7 @@ def rational_from_fisheye(fisheye: Array, reach: float, focal_length: float) -> 
         below = 1.0 + s * (x[3] + s * (x[4] + s * x[5]))
         weight = straight / np.maximum(np.abs(below), 1e-9)
     error = focal_length * np.abs((1.0 + s * (x[0] + s * (x[1] + s * x[2]))) / below - share) * straight
-    if not (below > 0.0).all() or not error.max() < TOLERANCE:
-        raise TtError(LensFailure.NO_FIT, lens=fisheye, off=error.max(), bound=TOLERANCE)
+    if not (below > 0.0).all() or not error.max() < RATIONAL_TOLERANCE:
+        raise TtError(LensFailure.NO_FIT, lens=fisheye, off=error.max(), bound=RATIONAL_TOLERANCE)
     a, b = x[:3] / widest ** np.arange(1, 4), x[3:] / widest ** np.arange(1, 4)
     return np.array([a[0], a[1], 0.0, 0.0, a[2], *b])

@@ -102,7 +102,7 @@ def coerce(name: str, value: Any, default: Any) -> Any:
     return value
 
 
-def from_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> Any:
+def params_from_values(kind: Any, values: Mapping[str, Any], prefix: str = "") -> Any:
     """Return an instance of a dataclass of `param` fields with the values of a parameter file.
 
     Args:

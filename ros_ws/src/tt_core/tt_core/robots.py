@@ -13,10 +13,10 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from .constants import COMMAND_TIMEOUT
 from .errors import check_range
 from .hit_windows import HIT_WINDOWS, RACKET_SPEED, HitWindow
-from .strict_yaml import BadFile, Problem, build, read
+from .strict_yaml import BadFile, Problem, build, read_yaml
 from .yaml_errors import Unreadable
 
-DEFAULT = "pa10"  # name of the arm where none is given
+DEFAULT_ROBOT = "pa10"  # name of the arm where none is given
 ARM_FILE = "arm.yaml"  # in the folder of an arm
 
 
@@ -71,13 +71,13 @@ def arm_file(robot: str) -> Path:
 
     Args:
         robot: Name of an arm that comes with the workspace, or the path of an arm file or of a folder with an arm file arm.yaml. Empty for
-            DEFAULT.
+            DEFAULT_ROBOT.
 
     Raises:
         BadFile: There is no such arm file.
     """
     known = robots()
-    path = known[robot or DEFAULT] if (robot or DEFAULT) in known else Path(robot)
+    path = known[robot or DEFAULT_ROBOT] if (robot or DEFAULT_ROBOT) in known else Path(robot)
     path = path / ARM_FILE if path.is_dir() else path
     if not path.is_file() or path.suffix != ".yaml":
         names = ", ".join(known) or "none: tt_bringup is not installed"
@@ -98,5 +98,5 @@ def read_arm(robot: str) -> tuple[ArmFile, Path]:
         BadFile: There is no such file, it cannot be read, or a value in it is wrong.
     """
     path = arm_file(robot)
-    given = build(ArmFile, read(path), path.name)
+    given = build(ArmFile, read_yaml(path), path.name)
     return given, path.parent / given.urdf

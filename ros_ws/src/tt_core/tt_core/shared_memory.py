@@ -11,25 +11,25 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-FOLDER = Path("/dev/shm")
-ROOM = 2**16  # bytes that must be free in FOLDER for a node to start
+SHARED_MEMORY = Path("/dev/shm")
+LEAST_FREE = 2**16  # bytes that must be free in SHARED_MEMORY for a node to start
 FILE = re.compile(r"fastrtps_(port\d+|[0-9a-f]{16})")  # a port at which a participant of Fast DDS receives, or the data that it sends
 
 
 def check_room() -> None:
-    """End the process with one line and exit code 2 if shared memory has fewer than ROOM bytes free.
+    """End the process with one line and exit code 2 if shared memory has fewer than LEAST_FREE bytes free.
 
-    Libraries of ROS map files into shared memory. Without free space the process would end with SIGBUS. With more than ROOM bytes the
+    Libraries of ROS map files into shared memory. Without free space the process would end with SIGBUS. With more than LEAST_FREE bytes the
     middleware uses UDP where shared memory does not suffice.
     """
-    if FOLDER.is_dir():
-        disk = os.statvfs(FOLDER)
-        if (free := disk.f_bavail * disk.f_frsize) < ROOM:
-            print(f"{FOLDER} has {free} bytes free, nodes need {ROOM}; remove files of other programs there", file=sys.stderr)
+    if SHARED_MEMORY.is_dir():
+        disk = os.statvfs(SHARED_MEMORY)
+        if (free := disk.f_bavail * disk.f_frsize) < LEAST_FREE:
+            print(f"{SHARED_MEMORY} has {free} bytes free, nodes need {LEAST_FREE}; remove files of other programs there", file=sys.stderr)
             sys.exit(2)
 
 
-def remove_leftovers(folder: Path = FOLDER) -> list[str]:
+def remove_leftovers(folder: Path = SHARED_MEMORY) -> list[str]:
     """Remove the files of Fast DDS that dead processes left and that nobody uses, as `fastdds shm clean` does.
 
     A node that is killed leaves its files, about 0.6 MB. If nodes are started and killed again and again, these fill the shared memory of a

@@ -13,20 +13,32 @@ from typing import Any
 import yaml
 
 from .yaml_converter import CONVERTER, not_in_file
-from .yaml_errors import BadFile, MissingKey, Problem, UnknownKey, Unreadable, WrongContent, WrongType, shown
+from .yaml_errors import BadFile, MissingKey, Problem, UnknownKey, Unreadable, WrongContent, WrongType, shown_value
 
-__all__ = ["BadFile", "MissingKey", "Problem", "UnknownKey", "Unreadable", "WrongType", "build", "find", "names", "not_in_file", "read"]
+__all__ = [
+    "BadFile",
+    "MissingKey",
+    "Problem",
+    "UnknownKey",
+    "Unreadable",
+    "WrongType",
+    "build",
+    "find_file",
+    "not_in_file",
+    "read_yaml",
+    "yaml_names",
+]
 
-MOST_BYTES = 100_000  # of a file; those of this workspace have 3,000 at most, and the parser takes 1 s for 200,000
+MOST_YAML_BYTES = 100_000  # of a file; those of this workspace have 3,000 at most, and the parser takes 1 s for 200,000
 MOST_KEYS = 1000  # of one mapping, so that merges of merges (<<) end
 
 
-def names(folder: Path) -> list[str]:
+def yaml_names(folder: Path) -> list[str]:
     """Return the names of the YAML files in `folder`, without suffix."""
     return sorted(file.stem for file in folder.glob("*.yaml"))
 
 
-def find(name: str, folder: Path, beside: Path = Path()) -> Path:
+def find_file(name: str, folder: Path, beside: Path = Path()) -> Path:
     """Return the path of a file that is given by its name or its path.
 
     Args:
@@ -37,12 +49,12 @@ def find(name: str, folder: Path, beside: Path = Path()) -> Path:
     Raises:
         BadFile: There is no such file.
     """
-    if name in names(folder):
+    if name in yaml_names(folder):
         return folder / f"{name}.yaml"
     for path in (Path(name), beside / name):
         if path.suffix == ".yaml" and path.is_file():
             return path
-    known = f"no such file, and none of the {folder.name} here, {', '.join(names(folder))}"
+    known = f"no such file, and none of the {folder.name} here, {', '.join(yaml_names(folder))}"
     raise BadFile(name, (Problem("", Unreadable(known)),))
 
 
@@ -55,7 +67,7 @@ class _StrictLoader(yaml.SafeLoader):
             if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
                 value = self.construct_object(key)
                 if value in seen:
-                    raise yaml.constructor.ConstructorError(None, None, f"{shown(value)} is given twice", key.start_mark)
+                    raise yaml.constructor.ConstructorError(None, None, f"{shown_value(value)} is given twice", key.start_mark)
                 seen.add(value)
         return super().construct_mapping(node, deep)
 
@@ -65,15 +77,15 @@ class _StrictLoader(yaml.SafeLoader):
             raise yaml.constructor.ConstructorError(None, None, f"more than {MOST_KEYS} keys", node.start_mark)
 
 
-def read(file: Path) -> dict[str, Any]:
+def read_yaml(file: Path) -> dict[str, Any]:
     """Read a YAML file that holds a mapping.
 
     Raises:
-        BadFile: The file cannot be read, is longer than MOST_BYTES, or holds no mapping.
+        BadFile: The file cannot be read, is longer than MOST_YAML_BYTES, or holds no mapping.
     """
     try:
-        if file.stat().st_size > MOST_BYTES:
-            raise BadFile(file.name, (Problem("", Unreadable(f"longer than {MOST_BYTES} bytes")),))
+        if file.stat().st_size > MOST_YAML_BYTES:
+            raise BadFile(file.name, (Problem("", Unreadable(f"longer than {MOST_YAML_BYTES} bytes")),))
         content = yaml.load(file.read_text(encoding="utf-8"), _StrictLoader)
     # PyYAML lets the errors of int(), float() and date() pass for malformed scalars, and RecursionError for deep nesting
     except (OSError, yaml.YAMLError, RecursionError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -93,7 +105,7 @@ def build(kind: type, content: Mapping[str, Any], file: str) -> Any:
 
     Args:
         kind: The dataclass.
-        content: The mapping, as `read` returns it.
+        content: The mapping, as `read_yaml` returns it.
         file: Name of the file, for errors.
 
     Raises:

@@ -12,7 +12,7 @@ from numba import njit
 
 from .arrays import VZ, Array, X, Y, Z
 from .constants import BALL_RADIUS, NET_HEIGHT, NET_OVERHANG, NET_X, TABLE_LENGTH, TABLE_WIDTH
-from .flight import AirCoefficients, crossing, step
+from .flight import AirCoefficients, crossing_time, step
 
 MOST_ACCELERATION = 100.0  # m/s^2, more than a ball ever has; bounds how far its arc is from the chord
 
@@ -42,13 +42,13 @@ def meets_surface(state: Array, end: Array, h: float, contact: float, air: AirCo
     at = np.inf
     if end[Z] <= contact:
         if state[Z] > contact:
-            at = crossing(state, 0.0, h, Z, contact, air, trial, work)
+            at = crossing_time(state, 0.0, h, Z, contact, air, trial, work)
         elif state[VZ] > 0.0 and end[VZ] < 0.0:  # up from the surface and down again in one step
-            at = crossing(state, crossing(state, 0.0, h, VZ, 0.0, air, trial, work), h, Z, contact, air, trial, work)
+            at = crossing_time(state, crossing_time(state, 0.0, h, VZ, 0.0, air, trial, work), h, Z, contact, air, trial, work)
     elif state[Z] > contact and state[VZ] < 0.0 < end[VZ]:  # a valley within the step
-        bottom = crossing(state, 0.0, h, VZ, 0.0, air, trial, work)
+        bottom = crossing_time(state, 0.0, h, VZ, 0.0, air, trial, work)
         if trial[Z] <= contact:
-            at = crossing(state, 0.0, bottom, Z, contact, air, trial, work)
+            at = crossing_time(state, 0.0, bottom, Z, contact, air, trial, work)
     return at if at < np.inf and over_table(trial) else np.inf
 
 
@@ -82,8 +82,8 @@ def meets_edge(state: Array, end: Array, h: float, contact: float, air: AirCoeff
     """
     if not (state[Z] > 0.0 and end[Z] < contact) or contact <= 0.0:
         return np.inf
-    low = crossing(state, 0.0, h, Z, contact, air, trial, work) if state[Z] > contact else 0.0
-    high = crossing(state, low, h, Z, 0.0, air, trial, work) if end[Z] < 0.0 else h
+    low = crossing_time(state, 0.0, h, Z, contact, air, trial, work) if state[Z] > contact else 0.0
+    high = crossing_time(state, low, h, Z, 0.0, air, trial, work) if end[Z] < 0.0 else h
     for t in (low, 0.5 * (low + high), high):
         step(state, t, air, trial, work)
         if _edge_gap(trial, contact) <= 0.0:
@@ -124,7 +124,7 @@ def meets_net(state: Array, end: Array, h: float, air: AirCoefficients, trial: A
             chord = state[Z] + (end[Z] - state[Z]) * (level - state[X]) / (end[X] - state[X])
             if chord > top + sag:
                 continue
-            t = crossing(state, 0.0, h, X, level, air, trial, work)
+            t = crossing_time(state, 0.0, h, X, level, air, trial, work)
             if 0.0 < trial[Z] < top and -NET_OVERHANG < trial[Y] < TABLE_WIDTH + NET_OVERHANG:
                 return t
     return np.inf

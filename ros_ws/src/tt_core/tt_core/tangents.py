@@ -27,12 +27,13 @@ from .table_contacts import meets_surface, over_table
 
 PARAMETERS = 14
 DRAG, LIFT, RESTITUTION, FRICTION, GRIP = range(9, PARAMETERS)  # logarithms of factors, after the state
+BY_DRAG, BY_LIFT = 6, 7  # columns of `acceleration_jacobian` after those of velocity and spin
 LEAST_SPIN = 5.0  # rad/s: for less spin, the derivatives of h (3.3), which jumps at zero spin, are those at this spin
 SUNK = 0.05  # m below the contact; a falling ball over the table that is less deep should have bounced just before
 REST = 0.05  # m/s: a slower ball does not bounce any more
 
 
-class Scratch(NamedTuple):
+class TangentScratch(NamedTuple):
     """Arrays in which the functions of this module keep intermediate results."""
 
     work: Array  # (8, 3), scratch of the integrator
@@ -45,9 +46,9 @@ class Scratch(NamedTuple):
 
 
 @njit(cache=True)
-def scratch() -> Scratch:
+def scratch() -> TangentScratch:
     """Return new arrays for the other functions of this module."""
-    return Scratch(
+    return TangentScratch(
         np.empty((8, 3)),
         np.empty(9),
         np.empty(9),
@@ -134,8 +135,8 @@ def acceleration_jacobian(
         dratio = -part / (air.ratio_offset + ratio)
     drag = air.drag + air.drag_h * h
     c0, c1, c2 = w1 * v2 - w2 * v1, w2 * v0 - w0 * v2, w0 * v1 - w1 * v0
-    out[0, 6], out[1, 6], out[2, 6] = -drag * speed * v0, -drag * speed * v1, -drag * speed * v2
-    out[0, 7], out[1, 7], out[2, 7] = lift * c0, lift * c1, lift * c2
+    out[0, BY_DRAG], out[1, BY_DRAG], out[2, BY_DRAG] = -drag * speed * v0, -drag * speed * v1, -drag * speed * v2
+    out[0, BY_LIFT], out[1, BY_LIFT], out[2, BY_LIFT] = lift * c0, lift * c1, lift * c2
     h_scale = 0.0
     if air.drag_h != 0.0 or air.lift_h != 0.0:
         bounded = max(norm, LEAST_SPIN * speed)
@@ -176,7 +177,7 @@ def acceleration_jacobian(
 
 
 @njit(cache=True, error_model="numpy")
-def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: Scratch) -> None:
+def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: TangentScratch) -> None:
     """Integrate one step of h seconds in place, as `tt_core.flight.step` does, with the derivatives tangents (9, PARAMETERS)."""
     v0, v1, v2, w0, w1, w2 = state[VX], state[VY], state[VZ], state[WX], state[WY], state[WZ]
     work, stages, stage, jacobian = space.work, space.stages, space.stage, space.jacobian
@@ -208,8 +209,8 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
                     jv0 * stage[0, c] + jv1 * stage[1, c] + jv2 * stage[2, c] + jw0 * spin[0, c] + jw1 * spin[1, c] + jw2 * spin[2, c]
                 )
                 position[r, c] += b * stage[r, c]
-            stages[i, r, DRAG] += jacobian[r, 6]
-            stages[i, r, LIFT] += jacobian[r, 7]
+            stages[i, r, DRAG] += jacobian[r, BY_DRAG]
+            stages[i, r, LIFT] += jacobian[r, BY_LIFT]
         dp0 += b * s0
         dp1 += b * s1
         dp2 += b * s2
@@ -230,7 +231,7 @@ def _step(state: Array, tangents: Array, h: float, air: AirCoefficients, space: 
 
 
 @njit(cache=True, error_model="numpy")
-def _bounce(state: Array, tangents: Array, physics: PhysicsCoefficients, space: Scratch) -> None:
+def _bounce(state: Array, tangents: Array, physics: PhysicsCoefficients, space: TangentScratch) -> None:
     """Let a ball in contact bounce, in place, with the derivatives tangents (9, PARAMETERS)."""
     air, table, decay = physics.air, physics.table, physics.air.spin_decay
     before, after = space.work[6], space.work[7]
@@ -270,7 +271,7 @@ def _bounce(state: Array, tangents: Array, physics: PhysicsCoefficients, space: 
 
 
 @njit(cache=True)
-def advance(state: Array, tangents: Array, longest: float, physics: PhysicsCoefficients, space: Scratch) -> tuple[float, bool]:
+def advance(state: Array, tangents: Array, longest: float, physics: PhysicsCoefficients, space: TangentScratch) -> tuple[float, bool]:
     """Let the ball fly one step, or to its next bounce if that comes first; change state and derivatives in place.
 
     Args:
@@ -278,7 +279,7 @@ def advance(state: Array, tangents: Array, longest: float, physics: PhysicsCoeff
         tangents: (9, PARAMETERS) derivatives of the state by the parameters.
         longest: s, longest step, positive.
         physics: Coefficients of air and table, already multiplied by all factors.
-        space: Scratch arrays.
+        space: TangentScratch arrays.
 
     Returns:
         The duration in s, and whether the ball now touches the table, so that `bounce_now` must be called. The duration is negative for a
@@ -304,21 +305,21 @@ def advance(state: Array, tangents: Array, longest: float, physics: PhysicsCoeff
 
 
 @njit(cache=True)
-def bounce_now(state: Array, tangents: Array, physics: PhysicsCoefficients, space: Scratch) -> None:
+def bounce_now(state: Array, tangents: Array, physics: PhysicsCoefficients, space: TangentScratch) -> None:
     """Let the ball bounce that `advance` has brought to the table; change state and derivatives in place.
 
     Args:
         state: (9,) position (m), velocity (m/s), spin (rad/s) of the ball.
         tangents: (9, PARAMETERS) derivatives of the state by the parameters.
         physics: Coefficients of air and table, already multiplied by all factors.
-        space: Scratch arrays.
+        space: TangentScratch arrays.
     """
     state[Z] = physics.contact_height
     _bounce(state, tangents, physics, space)
 
 
 @njit(cache=True)
-def fly_through(state: Array, tangents: Array, duration: float, physics: PhysicsCoefficients, space: Scratch) -> int:
+def fly_through(state: Array, tangents: Array, duration: float, physics: PhysicsCoefficients, space: TangentScratch) -> int:
     """Let the ball fly and bounce for a given duration; change state and derivatives in place.
 
     Args:
@@ -326,7 +327,7 @@ def fly_through(state: Array, tangents: Array, duration: float, physics: Physics
         tangents: (9, PARAMETERS) derivatives of the state by the parameters.
         duration: s, not negative.
         physics: Coefficients of air and table, already multiplied by all factors.
-        space: Scratch arrays.
+        space: TangentScratch arrays.
 
     Returns:
         The number of bounces.

@@ -24,7 +24,7 @@ from .yaml_errors import MissingKey, Problem, UnknownKey, WrongContent, WrongTyp
 
 LARGEST_INT = 2**63 - 1  # the largest that every array and file format here holds
 
-MODELS = {
+NAMED_MODELS = {
     "liu": Physics.liu(),
     "measured": Physics.measured(),
     "gravity only": Physics(air=Aerodynamics.gravity_only()),
@@ -150,7 +150,7 @@ def _outside(content: Mapping[str, Any], params: dict[str, Field[Any]], reported
 
 
 def _physics(value: Any, _: Any) -> Physics:
-    """Take the name of one of MODELS, or a mapping: the name as `model`, and single coefficients that replace those of the model."""
+    """Take the name of one of NAMED_MODELS, or a mapping: the name as `model`, and single coefficients that replace those of the model."""
     if isinstance(value, Physics):
         return value
     content = {"model": value} if isinstance(value, str) else value
@@ -159,9 +159,9 @@ def _physics(value: Any, _: Any) -> Physics:
     name = content.get("model", "liu")
     if not isinstance(name, str):
         raise WrongContent([Problem("model", WrongType(name, "of type str"))])
-    if name not in MODELS:
-        raise WrongContent([Problem("model", BadChoice("model", name, tuple(MODELS)))])
-    defaults = {f.name: getattr(MODELS[name], f.name) for f in fields(Physics)}
+    if name not in NAMED_MODELS:
+        raise WrongContent([Problem("model", BadChoice("model", name, tuple(NAMED_MODELS)))])
+    defaults = {f.name: getattr(NAMED_MODELS[name], f.name) for f in fields(Physics)}
     given = {key: _completed(part, defaults.get(key)) for key, part in content.items() if key != "model"}
     return typing.cast(Physics, _PHYSICS(defaults | given, Physics))
 

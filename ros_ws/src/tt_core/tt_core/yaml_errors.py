@@ -46,7 +46,7 @@ class WrongType(TtError):
 
     def __init__(self, value: object, wanted: str) -> None:
         """Store the value and the name of the type that it must have."""
-        super().__init__(f"{shown(value)} is not {wanted}")
+        super().__init__(f"{shown_value(value)} is not {wanted}")
         self.value, self.wanted = value, wanted
 
 
@@ -86,7 +86,7 @@ _SHORT.maxlevel = 2  # values may hold each other by aliases: 6 elements at each
 _SHORT.maxstring = _SHORT.maxother = 60
 
 
-def shown(value: object) -> str:
+def shown_value(value: object) -> str:
     """Return a value of any size as text, in bounded time and length."""
     try:
         return _SHORT.repr(value)

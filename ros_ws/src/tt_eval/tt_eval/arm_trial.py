@@ -25,7 +25,7 @@ from tt_sim.world.plant import Plant, PlantParams
 
 from .arm_loop import arm_ticks
 
-TICK = 0.002  # s
+TRIAL_TICK = 0.002  # s
 STROKES_AT = 0.08  # s after the launch, when the strokes are at the arm: six frames and the latency of the chain
 TRIAL_TIME = 4.0  # s, given to the stroke and the way back
 
@@ -69,7 +69,7 @@ class ArmTrial:
     guarded: frozenset[str]
 
 
-def strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
+def launched_ball_strokes(kind: str, scale: int, seed: int) -> list[RacketState]:
     """Return the candidate strokes for a ball that is launched at random at the time 0 s.
 
     Args:
@@ -104,7 +104,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
     control.enable(True)
     start, guarded, selected, rows = Joints.at_rest(0.0, model.waiting), set[str](), None, list[list[float]]()
     miss, tilt, end = np.nan, np.nan, TRIAL_TIME
-    for joints, step in arm_ticks(control, plant, start, TICK, rng):
+    for joints, step in arm_ticks(control, plant, start, TRIAL_TICK, rng):
         if joints.time > 0.0:
             rows.append([*joints.q, *joints.qdot])
         if joints.time >= end:
@@ -113,7 +113,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
         if selected is None and joints.time >= STROKES_AT:
             selected = control.take(rackets)
             end = joints.time + 0.2 if selected.swing is None else selected.swing.end_time + 0.1
-        if selected is not None and selected.racket is not None and 0.0 <= selected.racket.time - joints.time < TICK:
+        if selected is not None and selected.racket is not None and 0.0 <= selected.racket.time - joints.time < TRIAL_TICK:
             there = plant.racket(joints, step.command, selected.racket.time - joints.time)
             miss = float(np.linalg.norm(there.position - selected.racket.position))
             tilt = float(np.arccos(min(1.0, float(there.rotation[:, 2] @ selected.racket.normal))))
@@ -130,7 +130,7 @@ def arm_trial(model: ArmModel, rackets: list[RacketState], plant_params: PlantPa
         tilt=tilt,
         room=float(np.minimum(q - model.position_limits[:, 0], model.position_limits[:, 1] - q).min()),
         speed=float((np.abs(qdot) / model.speed_limits).max()),
-        acceleration=float(np.abs(np.diff(qdot, axis=0)).max() / TICK),
+        acceleration=float(np.abs(np.diff(qdot, axis=0)).max() / TRIAL_TICK),
         clear=min(clearance(row, model.bodies)[0] for row in q),
         guarded=frozenset(guarded),
     )

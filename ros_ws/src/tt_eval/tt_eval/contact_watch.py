@@ -11,7 +11,7 @@ from tt_arm.model import ArmModel
 from tt_core.constants import BALL_RADIUS, RACKET_RADIUS
 from tt_core.states import Array, BallState, RacketState
 
-NEAR = 0.3  # m between ball and racket, below which a contact is searched for
+CONTACT_DISTANCE = 0.3  # m between ball and racket, below which a contact is searched for
 CLOSING = 0.5  # m/s, approach speed of ball and racket below which there is no contact
 SPARE = 0.01  # m outside the rim of the racket within which a contact is assumed, because neither ball nor racket is known exactly
 
@@ -31,9 +31,9 @@ def racket_of(model: ArmModel, joints: Joints) -> Met:
 
 
 def is_near(racket: RacketState, ball: BallState) -> bool:
-    """Tell whether the ball is nearer than NEAR to the racket at the time of the racket, if it flies straight on until then."""
+    """Tell whether the ball is nearer than CONTACT_DISTANCE to the racket at the time of the racket, if it flies straight on until then."""
     place = ball.position + (racket.time - ball.time) * ball.velocity
-    return bool(np.linalg.norm(place - racket.position) < NEAR)
+    return bool(np.linalg.norm(place - racket.position) < CONTACT_DISTANCE)
 
 
 def time_to_contact(racket: RacketState, ball: BallState) -> float:

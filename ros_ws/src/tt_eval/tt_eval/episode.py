@@ -24,12 +24,13 @@ from tt_arm.reach import ReachFailure
 from tt_arm.stroke_selection import SelectionParams, StrokeSelection
 from tt_arm.swing import Swing, SwingFailure, SwingLimits
 from tt_arm.swing import plan as plan_swing
+from tt_core.arrays import VZ, Array, Y, Z
 from tt_core.constants import TABLE_WIDTH
 from tt_core.failures import Failure
 from tt_core.flight import fly
 from tt_core.hit_windows import path_end
 from tt_core.physics import Physics
-from tt_core.states import Array, BallPath, BallState, RacketState, ReturnGoal
+from tt_core.states import BallPath, BallState, RacketState, ReturnGoal
 from tt_predict.learning import PhysicsLearner
 from tt_predict.rollout import StopRule, rollout
 from tt_racket.baselines import specular
@@ -57,7 +58,7 @@ from . import rallies
 from .arm_loop import arm_ticks
 from .failures import Causes, EpisodeFailure
 from .fast_swing import Setup, rally
-from .feedback import Answer, Follower
+from .feedback import BallResponse, Follower
 from .miss import OF_RESULT, Miss
 from .scenario import Robot, Scenario
 from .sensor_error_model import SensorErrorModel, last_frame
@@ -114,16 +115,16 @@ class Trial:
             ball, orientation = launch(kind, scale, scenario.launcher, rng)
         else:
             if scenario.shots == "rotation":
-                ball = rotation_machine.ball(seed)
+                ball = rotation_machine.rotating_ball(seed)
             else:
-                known = rallies.shots(scenario.intercept) if scenario.ball is None else (scenario.ball,)
+                known = rallies.reachable_shots(scenario.intercept) if scenario.ball is None else (scenario.ball,)
                 ball = known[rng.integers(len(known))]
             kind, scale, orientation = scenario.shots, 0, Rotation.random(rng=rng).as_matrix()
             cameras, lamps = _aimed(ball)
         world = _session_world(scenario.world, seed // scenario.balls)
         physics = world.domain_randomization.draw(world.physics, rng)
         if scenario.shots == "rotation":
-            physics = replace(physics, air=rotation_machine.HELD)
+            physics = replace(physics, air=rotation_machine.NO_AIR_OR_GRAVITY)
         ball = BallState.from_vector(ball.time + time, ball.vector)
         return cls(scenario, seed, kind, scale, ball, orientation, physics, cameras, lamps, rng)
 
@@ -168,7 +169,7 @@ class Episode:
         selection: The stroke and swing that the arm has selected.
         joints: (n, 1 + 2 joints) time (s), positions (rad or m) and speeds (rad/s or m/s) of each tick; at a rate, from the ball's launch
             on.
-        answers: States of the ball until the strike, with the path and strokes that followed from each; empty without feedback.
+        responses: States of the ball until the strike, with the path and strokes that followed from each; empty without feedback.
     """
 
     trial: Trial
@@ -180,7 +181,7 @@ class Episode:
     candidates: Candidates | None
     selection: StrokeSelection | None
     joints: Array
-    answers: tuple[Answer, ...] = ()
+    responses: tuple[BallResponse, ...] = ()
 
     @functools.cached_property
     def sightings(self) -> Sightings:
@@ -203,7 +204,7 @@ class Episode:
         """Why the ball was not returned, according to the first stage that failed; None if it landed on the opponent's half."""
         if self.outcome.result is Result.RETURNED:
             return None
-        if self.measured is None and not self.answers:
+        if self.measured is None and not self.responses:
             refused = self.measurement.reason if self.measurement else None
             return Failure(EpisodeFailure.MEASUREMENT_REFUSED, cause=refused) if refused else Failure(EpisodeFailure.NOT_SEEN)
         if self.candidates is None or not self.candidates.strokes:
@@ -228,7 +229,7 @@ class Episode:
         """Return the kind of failure of this episode if the ball had the given result."""
         if outcome.result is Result.RETURNED:
             return None
-        if self.measured is None and not self.answers:
+        if self.measured is None and not self.responses:
             return Miss.REFUSED_SPIN if self.measurement and self.measurement.spin else Miss.NOT_SEEN
         if self.candidates is None or not self.candidates.strokes:
             codes = [failure.code for _, failure in self.candidates.refused] if self.candidates else []
@@ -246,9 +247,9 @@ class Episode:
         if landing is None:
             return Miss.LONG
         row, air = landing.before.vector, self.trial.physics.air.coefficients
-        while row[2] < self.trial.physics.contact_height and row[5] < 0.0:
+        while row[Z] < self.trial.physics.contact_height and row[VZ] < 0.0:
             row = fly(row, -0.002, air)
-        return Miss.LONG if 0.0 <= row[1] <= TABLE_WIDTH else Miss.WIDE
+        return Miss.LONG if 0.0 <= row[Y] <= TABLE_WIDTH else Miss.WIDE
 
 
 ARM_TOO_SLOW = {ReachFailure.BEYOND_SPEED_LIMIT, SwingFailure.TORQUE_LIMIT}
@@ -294,7 +295,7 @@ def _aimed(ball: BallState) -> tuple[tuple[Camera, ...], Lamps]:
     return tuple(cameras), replace(light, lamps=tuple(lamps))
 
 
-def answered(path: BallPath, goal: ReturnGoal, robot: Robot, params: InterceptParams) -> Candidates:
+def candidates_for(path: BallPath, goal: ReturnGoal, robot: Robot, params: InterceptParams) -> Candidates:
     """Find the strokes for a path by the robot's method.
 
     The method is that of `tt_racket.intercept`, or a baseline's at the same points of the path; the baseline's strokes with slow rackets
@@ -356,7 +357,7 @@ class Plan:
         believed = measured if robot.spin == "measured" else BallState(measured.time, measured.position, measured.velocity, np.zeros(3))
         path = rollout(believed, robot.physics, StopRule.at_x(path_end(scenario.intercept.x_low)))
         goal = scenario.goal or default_goal(measured.spin, robot.default_goal)
-        return cls(measurement, measured, goal, path, answered(path, goal, robot, scenario.intercept), due)
+        return cls(measurement, measured, goal, path, candidates_for(path, goal, robot, scenario.intercept), due)
 
     @property
     def rackets(self) -> list[RacketState]:
@@ -419,9 +420,9 @@ def _plant(scenario: Scenario) -> Plant:
 
 
 def _episode(
-    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, answers: tuple[Answer, ...] = ()
+    trial: Trial, plan: Plan, outcome: Outcome, selection: StrokeSelection | None, joints: Array, responses: tuple[BallResponse, ...] = ()
 ) -> Episode:
-    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints, answers)
+    return Episode(trial, outcome, plan.goal, plan.measurement, plan.measured, plan.path, plan.candidates, selection, joints, responses)
 
 
 Played = tuple[Outcome, "StrokeSelection | None", Array]
@@ -437,7 +438,10 @@ def _swiftly(trial: Trial, control: ArmControl, plant: Plant, plan: Plan) -> Pla
         selection = control.take(plan.rackets)
     swing = selection.swing if selection is not None and selection.index is not None else None
     done = rally(trial.ball, swing, time, Setup(trial.physics, plant, control, tick), EPISODE_TIME, trial.rng)
-    return None if done is None else (Outcome(trial.ball, done[0]), selection, done[1])
+    if done is None:
+        return None
+    contacts, joints = done
+    return Outcome(trial.ball, contacts), selection, joints
 
 
 def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, rng: np.random.Generator) -> list[Episode]:
@@ -452,7 +456,7 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearne
     scenario = trials[0].scenario
     control, plant, tick_time = _control(scenario), _plant(scenario), scenario.tick
     robot = SimulatedRobot(trials[0].physics, plant, Joints.at_rest(-tick_time, control.model.waiting), tick_time)
-    eyes = FollowedSession(trials, plans, learner, control) if scenario.robot.feedback else None
+    followed = FollowedSession(trials, plans, learner, control) if scenario.robot.feedback else None
     outcomes, choices, ends = list[Outcome](), dict[int, StrokeSelection](), dict[int, int]()
     record, open_plans = list[list[float]](), sorted(range(len(plans)), key=lambda i: plans[i].due)
 
@@ -460,11 +464,11 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearne
         """Move arm and balls by one tick, after launching the next ball if it is due."""
         if len(outcomes) < len(trials) and trials[len(outcomes)].ball.time <= robot.joints.time + tick_time:
             outcomes.append(robot.launch(trials[len(outcomes)].ball, trials[len(outcomes)].physics))
-            if eyes is not None:
-                eyes.next_ball()
+            if followed is not None:
+                followed.next_ball()
         tick = robot.advance(command)
-        if eyes is not None:
-            eyes.look(tick)
+        if followed is not None:
+            followed.see(tick)
         record.append([tick.joints.time, *tick.joints.q, *tick.joints.qdot])
         ends.update({outcomes.index(outcome): len(record) for outcome in tick.ended})
         return tick.joints
@@ -472,21 +476,21 @@ def _tick_by_tick(trials: list[Trial], plans: list[Plan], learner: PhysicsLearne
     for joints, _ in arm_ticks(control, plant, advance(np.zeros(len(control.model.names))), tick_time, rng, advance):
         if len(ends) == len(trials):
             break
-        if eyes is not None:
-            eyes.act(joints.time)
+        if followed is not None:
+            followed.act(joints.time)
         else:
             while open_plans and plans[open_plans[0]].due <= joints.time:
                 i = open_plans.pop(0)
                 choices[i] = control.take(plans[i].rackets)
         if joints.time >= trials[-1].ball.time + EPISODE_TIME:
             break
-    if eyes is not None:
-        eyes.finish()
-        plans, choices = eyes.plans, eyes.choices
+    if followed is not None:
+        followed.finish()
+        plans, choices = followed.plans, followed.choices
     rows = np.array(record)
     starts = np.searchsorted(rows[:, 0], [trial.ball.time - 0.5 * tick_time for trial in trials])
     return [
-        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)], eyes.answers[i] if eyes is not None else ())
+        _episode(trial, plan, outcome, choices.get(i), rows[starts[i] : ends.get(i)], followed.responses[i] if followed is not None else ())
         for i, (trial, plan, outcome) in enumerate(zip(trials, plans, outcomes, strict=True))
     ]
 
@@ -497,7 +501,7 @@ class FollowedSession:
     Attributes:
         plans: For each ball, the plan for which the arm has made a swing last, or which it was given last.
         choices: The arm's selections for these plans, by number of the ball.
-        answers: For each ball the `answers` of its Episode.
+        responses: For each ball the `responses` of its Episode.
     """
 
     def __init__(self, trials: list[Trial], plans: list[Plan], learner: PhysicsLearner, control: ArmControl) -> None:
@@ -518,7 +522,7 @@ class FollowedSession:
         self._follower = Follower(scenario, learner)
         self._ball, self._struck = -1, False
         self.plans, self.choices = list(plans), dict[int, StrokeSelection]()
-        self.answers = list[tuple[Answer, ...]]([()] * len(trials))
+        self.responses = list[tuple[BallResponse, ...]]([()] * len(trials))
 
     def next_ball(self) -> None:
         """Stop tracking the ball before, and start to track the ball that is launched now."""
@@ -530,20 +534,20 @@ class FollowedSession:
         if plan.measured is not None:
             self._follower.measure(plan.measured, plan.due - self._latency)
 
-    def look(self, tick: Tick) -> None:
+    def see(self, tick: Tick) -> None:
         """Add what the wide cameras see during a tick, one step of the simulation."""
         self._follower.see(self._cameras.frames(tick))
 
     def act(self, now: float) -> None:
         """Give the arm the strokes that are due at time `now` (s), and note the strike when its time has come."""
-        answer, i = self._follower.answer(now), self._ball
-        if answer is not None and answer.rackets:
-            selection = self._control.take(answer.rackets)
+        response, i = self._follower.response(now), self._ball
+        if response is not None and response.rackets:
+            selection = self._control.take(response.rackets)
             if selection.swing is not None or i not in self.choices:
                 self.choices[i] = selection
-                self.plans[i] = replace(self.plans[i], goal=answer.goal, path=answer.path, candidates=answer.candidates)
-        elif answer is not None and self.plans[i].path is None:
-            self.plans[i] = replace(self.plans[i], goal=answer.goal, path=answer.path, candidates=answer.candidates)
+                self.plans[i] = replace(self.plans[i], goal=response.goal, path=response.path, candidates=response.candidates)
+        elif response is not None and self.plans[i].path is None:
+            self.plans[i] = replace(self.plans[i], goal=response.goal, path=response.path, candidates=response.candidates)
         choice, joints = self.choices.get(i), self._control.joints
         if not self._struck and choice is not None and choice.swing is not None and joints is not None and now >= choice.swing.strike_time:
             self._struck = True
@@ -552,8 +556,8 @@ class FollowedSession:
             self._follower.strike(RacketState.facing(joints.time, position, velocity, rotation[:, 2]), turning)
 
     def finish(self) -> None:
-        """Learn from the ball that was tracked last, and store its answers."""
-        self.answers[self._ball] = tuple(self._follower.answers)
+        """Learn from the ball that was tracked last, and store its responses."""
+        self.responses[self._ball] = tuple(self._follower.responses)
         self._follower.finish()
 
 

@@ -23,7 +23,7 @@ from tt_vision.camera import triangulate
 
 from .episode import Episode, play
 from .miss import Miss
-from .page import BLUE, GREEN, GREY, ORANGE, WHOLE, Section, Table, html_page, write_page
+from .page import BLUE, GREEN, GREY, ORANGE, WHOLE_WIDTH, Section, Table, html_page, write_page
 from .scenario import load
 from .sweep_metrics import NUMBERS, TEXTS
 
@@ -31,7 +31,14 @@ RETURNS = (
     "balls", "hit, %", "on the table, %", "landing off, cm: median", "landing off, cm: 95 %", "flight time off, ms: median",
     "flight time off, ms: 95 %", "spin off, rad/s: median", "spin off, rad/s: 95 %", "missed because",
 )  # fmt: skip
-JUDGE = ("landing x, mm", "landing y, mm", "flight time, ms", "spin about y, rad/s", "spin about z, rad/s", "miss told otherwise, balls")
+SCORING_ERRORS = (
+    "landing x, mm",
+    "landing y, mm",
+    "flight time, ms",
+    "spin about y, rad/s",
+    "spin about z, rad/s",
+    "miss told otherwise, balls",
+)
 ROBOT = (
     "measured, %", "measured spin off, rpm: median", "measured spin off, rpm: 95 %", "its speed within 200 rpm, %",
     "its axis within 15 deg, %", "arm waits again after, s: 95 %",
@@ -109,8 +116,8 @@ def returns(numbers: dict[str, Array], misses: Sequence[Miss | None], who: str =
     return [str(len(misses)), *cells, ", ".join(f"{miss} {n}" for miss, n in why(misses).items()) or "none"]
 
 
-def judge_errors(sweep: Sweep) -> list[str]:
-    """Return a column of the table of the judge's errors: the cells for the rows JUDGE.
+def scoring_errors(sweep: Sweep) -> list[str]:
+    """Return a column of the table of the judge's errors: the cells for the rows SCORING_ERRORS.
 
     The judge is the evaluation by the wide cameras. Its errors are judged minus true values, given as mean and standard deviation over the
     balls that were returned in both.
@@ -132,14 +139,16 @@ def robot(numbers: dict[str, Array]) -> list[str]:
     return [*(_cell(v) for v in (100.0 * float(seen.mean()), *spin, *shares)), _cell(back, 2)]
 
 
-def tables(sweeps: Sequence[Sweep]) -> list[Table]:
+def sweep_tables(sweeps: Sequence[Sweep]) -> list[Table]:
     """Return the tables of all sweeps, with one or two columns for each sweep."""
     heads = [head for sweep in sweeps for head in (sweep.name, "as judged")]
     cells = [c for s in sweeps for c in (returns(s.numbers, s.misses), returns(s.numbers, s.judged, "judged_"))]
     names = ("", *(sweep.name for sweep in sweeps))
     return [
         Table(("", *heads), list(zip(RETURNS, *cells, strict=True)), "Returns: the truth, and as judged by two wide cameras"),
-        Table(names, list(zip(JUDGE, *map(judge_errors, sweeps), strict=True)), "The judge's own error: mean ± standard deviation"),
+        Table(
+            names, list(zip(SCORING_ERRORS, *map(scoring_errors, sweeps), strict=True)), "The judge's own error: mean ± standard deviation"
+        ),
         Table(names, list(zip(ROBOT, *(robot(sweep.numbers) for sweep in sweeps), strict=True)), "Measurement and arm"),
     ]
 
@@ -178,7 +187,7 @@ def scatter(numbers: dict[str, Array]) -> go.Figure:
     figure.add_scatter(x=asked[:, 0], y=asked[:, 1], mode="markers", marker=ring, name="asked")
     figure.update_yaxes(title_text="y, m", scaleanchor="x", range=[-0.1, TABLE_WIDTH + 0.1])
     figure.update_xaxes(title_text="x, m (the robot is left)", range=[-0.1, TABLE_LENGTH + 0.1])
-    return figure.update_layout(title="Landing places", height=560, meta=WHOLE)
+    return figure.update_layout(title="Landing places", height=560, meta=WHOLE_WIDTH)
 
 
 def causes(numbers: dict[str, Array]) -> list[go.Figure]:
@@ -192,7 +201,7 @@ def causes(numbers: dict[str, Array]) -> list[go.Figure]:
     ]
 
 
-def judged_off(numbers: dict[str, Array]) -> list[go.Figure]:
+def scoring_error_figures(numbers: dict[str, Array]) -> list[go.Figure]:
     """Return figures of the errors of the evaluation by the wide cameras, ball by ball: landing place, flight time, spin."""
     off = {name: numbers[f"judged_{name}"] - numbers[name] for name in ("landing_x", "landing_y", "flight_time", "spin_y", "spin_z")}
     begin = "The judge's own error: judged minus true "
@@ -272,21 +281,21 @@ def flown(outcome: Outcome, air: Array, step: float = 0.005) -> Array:
     return np.column_stack([times, outcome.places(times, air)])
 
 
-def page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
+def sweep_page(sweeps: Sequence[Sweep], ball: Episode | None = None) -> str:
     """Return an HTML page with tables and figures of sweeps, and with figures of one ball if it is given."""
-    sections = [Section("", tables=tables(sweeps))]
+    sections = [Section("", tables=sweep_tables(sweeps))]
     for s in sweeps:
         shown, landed = {name: column[:SHOWN] for name, column in s.numbers.items()}, s.numbers["landed"].any()
-        figures = [scatter(shown), *causes(shown), *judged_off(shown)] if landed else causes(shown)
+        figures = [scatter(shown), *causes(shown), *scoring_error_figures(shown)] if landed else causes(shown)
         dots = f"Dots are the first {SHOWN} of {len(s.misses)} balls." if len(s.misses) > SHOWN else ""
         sections.append(Section(f"Sweep of {s.name}", text=[dots] if dots else (), figures=[*figures, reasons(s.misses, s.judged)]))
     if ball is not None:
         title = f"One ball as two wide cameras saw it, {ball.trial.kind} {ball.trial.scale} (Figures 4.7 to 4.10)"
         sections.append(Section(title, figures=one_ball(ball)))
-    return html_page("Rallies", sections, lead=[verdict(s) for s in sweeps])
+    return html_page("Rallies", sections, lead=[sweep_summary(s) for s in sweeps])
 
 
-def verdict(sweep: Sweep) -> str:
+def sweep_summary(sweep: Sweep) -> str:
     """Return a sentence that summarizes the results of a sweep."""
     count = len(sweep.misses)
     if not np.isfinite(sweep.numbers["asked_x"]).any():
@@ -312,13 +321,13 @@ def main() -> None:
     except TtError as error:
         print(f"evaluate: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    for table in tables(sweeps):
+    for table in sweep_tables(sweeps):
         printed = rich.table.Table(*table.head, title=table.title, title_justify="left")
         for row in table.rows:
             printed.add_row(*row)
         Console().print(printed)
     if args.page:
-        write_page(args.page, page(sweeps, ball))
+        write_page(args.page, sweep_page(sweeps, ball))
         print(args.page)
 
 

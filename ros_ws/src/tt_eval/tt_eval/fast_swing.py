@@ -17,10 +17,10 @@ from numba import njit
 from tt_arm.control import ArmControl
 from tt_arm.joints import JointBounds
 from tt_arm.kinematics import Chain, forward_into
-from tt_arm.safety.command_limits import UNCUT, limit_command
+from tt_arm.safety.command_limits import NOT_CUT, limit_command
 from tt_arm.servo import servo_speed
 from tt_arm.swing import Swing
-from tt_arm.trajectory.profiles import evaluate
+from tt_arm.trajectory.profiles import evaluate_path
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_sim.world.plant import Plant, advance_joints
@@ -108,8 +108,8 @@ def _swing(
             joints[k, 1 + i], joints[k, 1 + n + i] = q[i], qdot[i]
         _record_racket(q, qdot, chain, jacobian, rotation, record.rackets[k])
         if now + lead >= path.start:
-            evaluate(now - path.start, path.knots, path.coefficients, q_path, unused, unused_too)
-            evaluate(now + lead - path.start, path.knots, path.coefficients, unused, qdot_ahead, unused_too)
+            evaluate_path(now - path.start, path.knots, path.coefficients, q_path, unused, unused_too)
+            evaluate_path(now + lead - path.start, path.knots, path.coefficients, unused, qdot_ahead, unused_too)
         else:
             q_path[:], qdot_ahead[:] = rest, 0.0
         for i in range(n):
@@ -119,7 +119,7 @@ def _swing(
             wanted[i] = servo_speed(q_path[i], qdot_ahead[i], measured[i], gain, speed[i])
             if abs(q_path[i] - measured[i]) > controller.lost:
                 return False
-        if limit_command(measured, wanted, last, tick, controller.hold, controller.guard, controller.braking, command) != UNCUT:
+        if limit_command(measured, wanted, last, tick, controller.hold, controller.guard, controller.braking, command) != NOT_CUT:
             return False
         last[:] = command
         advance_joints(q, qdot, command, tick, drives.limits, drives.lag)

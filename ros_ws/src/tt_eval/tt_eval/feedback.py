@@ -35,7 +35,7 @@ KNOWN_SPIN = 1.0  # rad/s, standard deviation of the spin for a robot that assum
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+class BallResponse:
     """What the robot computes from one state of the ball.
 
     Attributes:
@@ -67,7 +67,7 @@ class Follower:
     """The robot's tracker, prediction and strokes for one ball, from the first pixel to the end of its return.
 
     Attributes:
-        answers: What was computed from states of the ball before the strike, in the order of time.
+        responses: What was computed from states of the ball before the strike, in the order of time.
     """
 
     def __init__(self, scenario: Scenario, learner: PhysicsLearner) -> None:
@@ -85,11 +85,11 @@ class Follower:
         self._tracker = self._lesson.tracker if self._lesson else Tracker(learner.physics, _cameras(), params)
         self._ball = FollowedBall()
         self._inbox, self._order = list[tuple[float, int, BallState | TrackedPixel]](), count()
-        self._answer: Answer | None = None
+        self._response: BallResponse | None = None
         self._selection = StateSelection(StateSelectionParams(interval=scenario.robot.interval, patience=scenario.robot.patience))
         self._newest = self._predicted = -np.inf  # s: stamp of the newest pixel, and time of the last state that was predicted
         self._struck = False
-        self.answers = list[Answer]()
+        self.responses = list[BallResponse]()
 
     def measure(self, ball: BallState, arrival: float) -> None:
         """Add the ball that the high-speed cameras have measured.
@@ -110,7 +110,7 @@ class Follower:
         for one in pixels:
             heappush(self._inbox, (one.arrival, next(self._order), one))
 
-    def answer(self, now: float) -> Answer | None:
+    def response(self, now: float) -> BallResponse | None:
         """Process what has arrived until a time, and return the strokes that are at the arm then.
 
         Args:
@@ -121,7 +121,7 @@ class Follower:
         """
         news = False
         while self._inbox and self._inbox[0][0] <= now:
-            item = heappop(self._inbox)[2]
+            _, _, item = heappop(self._inbox)
             if isinstance(item, BallState):
                 self._tracker.start(item)
                 news = True
@@ -130,10 +130,10 @@ class Follower:
                 news = news or self._newest >= self._predicted + self._scenario.robot.interval
         if news and not self._struck:
             self._predict(now)
-        if self._answer is None or self._answer.due > now:
+        if self._response is None or self._response.due > now:
             return None
-        answer, self._answer = self._answer, None
-        return answer
+        response, self._response = self._response, None
+        return response
 
     def strike(self, racket: RacketState, turning: Array) -> None:
         """Note the contact of racket and ball.
@@ -173,8 +173,8 @@ class Follower:
         except TtError:  # a first estimate may be no ball that can fly there
             return
         self._predicted = ball.time
-        self._answer = Answer(ball, path, goal, candidates, now + robot.reaction)
-        self.answers.append(self._answer)
+        self._response = BallResponse(ball, path, goal, candidates, now + robot.reaction)
+        self.responses.append(self._response)
 
     def _strokes(self, path: BallPath, goal: ReturnGoal, physics: Physics) -> Candidates:
         return intercept(path, goal, physics, self._scenario.intercept, bounced=self._ball.bounced)

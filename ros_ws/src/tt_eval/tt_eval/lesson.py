@@ -63,7 +63,8 @@ class Lesson:
             self.tracker.add_pixel(stamp, side, pixel, WIDE_NOISE)
             return True
         if self._return is not None and self.struck + JUST_HIT < stamp < self.struck + RETURN_SEEN:
-            self._return[1].add_pixel(stamp, side, pixel, WIDE_NOISE)
+            _, tracker = self._return
+            tracker.add_pixel(stamp, side, pixel, WIDE_NOISE)
         return False
 
     def strike(self, racket: RacketState, turning: Array) -> None:

@@ -16,7 +16,7 @@ from tt_racket.intercept import intercept
 
 from .episode import Trial
 
-ALL = 100  # most candidates that are tried: as many as there can be
+MOST_TRIED = 100  # most candidates that are tried: as many as there can be
 
 
 def reachable(trial: Trial, model: ArmModel) -> StrokeSelection:
@@ -35,7 +35,7 @@ def reachable(trial: Trial, model: ArmModel) -> StrokeSelection:
     goal = scenario.goal or default_goal(trial.ball.spin, robot.default_goal)
     candidates = intercept(path, goal, trial.physics, scenario.intercept)
     limits = SwingLimits(command_timeout=scenario.arm_file.command_timeout)
-    control = ArmControl(model, limits, selection=SelectionParams(method=robot.reach, tries=ALL))
+    control = ArmControl(model, limits, selection=SelectionParams(method=robot.reach, tries=MOST_TRIED))
     control.enable(True)
     start = Joints.at_rest(trial.ball.time, model.waiting)
     control.joints, control.swing = start, replace(plan(model, start, None, start.time), end_time=start.time)

@@ -20,7 +20,7 @@ BLUE, ORANGE, GREEN, YELLOW, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#e6
 COLOURS = (BLUE, ORANGE, GREEN, YELLOW, PURPLE, SKY, "#8c6d31", "#888888")  # after Okabe and Ito: told apart by the colour-blind
 GREY = "#808892"  # colour of lines that must be visible on a light and on a dark background
 PLOTLY = "plotly.min.js"
-WHOLE = "whole"  # `meta` of the layout of a figure that takes the whole width
+WHOLE_WIDTH = "whole"  # `meta` of the layout of a figure that takes the whole width
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Section:
         title: Title above the part; "" for none.
         text: Paragraphs below the title.
         tables: Tables.
-        figures: Plotly figures, two in a row where there is room for them, or one if its `layout.meta` is WHOLE. The title of the layout is
-            written above the figure.
+        figures: Plotly figures, two in a row where there is room for them, or one if its `layout.meta` is WHOLE_WIDTH. The title of the
+            layout is written above the figure.
         html: HTML below the figures, as markupsafe.Markup.
     """
 
@@ -115,7 +115,7 @@ def write_page(file: Path, page: str) -> None:
 
 def _draw(figure: go.Figure) -> Markup:
     """Return a figure as HTML: its title, its place, and its data."""
-    kind = Markup(' class="whole"') if figure.layout.meta == WHOLE else ""
+    kind = Markup(' class="whole"') if figure.layout.meta == WHOLE_WIDTH else ""
     height = figure.layout.height or 380
     place = Markup('<div class="drawn" style="height: {}px"></div><script type="application/json">{}</script>')
     drawn = place.format(height, Markup(figure_data(figure)))

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 T = TypeVar("T")
 
-COLUMNS = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+PROGRESS_COLUMNS = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
 
 
 @contextmanager
@@ -27,7 +27,7 @@ def progress(what: str, total: int, done: int = 0) -> Iterator[Callable[[int], N
     Yields:
         A function to be called with the number of items that were done since its last call.
     """
-    with Progress(*COLUMNS, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+    with Progress(*PROGRESS_COLUMNS, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
         row = bar.add_task(what, total=total, completed=done)
 
         def advance(more: int) -> None:

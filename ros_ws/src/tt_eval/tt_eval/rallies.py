@@ -35,7 +35,7 @@ class NoShots(TtError):
         self.file = file
 
 
-def load(file: Path) -> list[BallState]:
+def load_rallies(file: Path) -> list[BallState]:
     """Read all shots of a file. Each has time 0 and flies to -x of `table`.
 
     In the file the origin is the middle of the table's surface, x is across the table, y along it, and z up: x of `table` is 1.37 + Y and y
@@ -72,7 +72,7 @@ def within_reach(ball: BallState, physics: Physics, window: InterceptParams) -> 
 
 
 @functools.cache
-def shots(window: InterceptParams) -> tuple[BallState, ...]:
+def reachable_shots(window: InterceptParams) -> tuple[BallState, ...]:
     """Return the shots in deepmind/rallies.json of the folder TT_DATA_DIR (an environment variable) that are within reach.
 
     Args:
@@ -85,4 +85,4 @@ def shots(window: InterceptParams) -> tuple[BallState, ...]:
     if not folder:
         raise NoShots(None, "TT_DATA_DIR names no folder with deepmind/rallies.json")
     physics = Physics.measured()
-    return tuple(ball for ball in load(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics, window))
+    return tuple(ball for ball in load_rallies(Path(folder) / "deepmind" / "rallies.json") if within_reach(ball, physics, window))

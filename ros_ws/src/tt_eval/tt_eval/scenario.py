@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 from tt_core.errors import TtError, check_choice, check_range
 from tt_core.physics import Physics
-from tt_core.robots import DEFAULT, ArmFile, arm_file, read_arm, robots
+from tt_core.robots import DEFAULT_ROBOT, ArmFile, arm_file, read_arm, robots
 from tt_core.states import BallState, ReturnGoal
-from tt_core.strict_yaml import BadFile, build, find, names, not_in_file, read
+from tt_core.strict_yaml import BadFile, build, find_file, not_in_file, read_yaml, yaml_names
 from tt_racket.goal import GoalParams
 from tt_racket.intercept import InterceptParams
-from tt_sim.world.launcher import KINDS, MIXED, LauncherParams, row
+from tt_sim.world.launcher import MIXED, SHOT_KINDS, LauncherParams, shot_row
 from tt_sim.world_file import WORLDS, WorldParams
 
-from .sensor_error_model import FASTEST
+from .sensor_error_model import FASTEST_BALL
 
 SESSION = 25  # balls of a session at a rate, 16 s at the highest rate
 HOME = Path(__file__).parent
@@ -82,7 +82,7 @@ class Scenario:
     """A scenario: all that determines a simulation except its random numbers.
 
     Attributes:
-        kind: Kind of the shots: one of the launcher's KINDS, or "mixed": all in turn.
+        kind: Kind of the shots: one of the launcher's SHOT_KINDS, or "mixed": all in turn.
         scale: Scale of the shots, one or several in turn.
         shots: "catapult": from the launcher; "rallies": drawn from real play; "given": `ball` each time; "rotation": held by the rotation
             machine.
@@ -107,7 +107,7 @@ class Scenario:
     goal: ReturnGoal | None = None
     world: WorldParams = field(default_factory=WorldParams)
     robot: Robot = field(default_factory=Robot)
-    arm: str = DEFAULT
+    arm: str = DEFAULT_ROBOT
     launcher: LauncherParams = field(default_factory=LauncherParams)
     session: int | None = None
     images: bool = True
@@ -117,17 +117,17 @@ class Scenario:
     def __post_init__(self) -> None:
         """Refuse what cannot be played."""
         check_range("tick", self.tick, 5e-4, 0.02)
-        check_choice("sensor_error_model", self.world.sensor_error_model, tuple(names(HOME / "sensor_error_models")))
-        check_choice("kind", self.kind, (*KINDS, MIXED))
+        check_choice("sensor_error_model", self.world.sensor_error_model, tuple(yaml_names(HOME / "sensor_error_models")))
+        check_choice("kind", self.kind, (*SHOT_KINDS, MIXED))
         check_choice("shots", self.shots, ("catapult", "rallies", "given", "rotation"))
         if not self.scales:
             raise TtError("scale = () is empty")
         for scale in self.scales:
-            row("top", scale, self.launcher.z)
+            shot_row("top", scale, self.launcher.z)
         if (self.shots == "given") != (self.ball is not None):
             raise TtError(f"ball goes with shots 'given', not with {self.shots!r}" if self.ball else "ball is missing")
         if self.ball is not None and not self.images:
-            check_range("speed of the ball without images", float(np.linalg.norm(self.ball.velocity)), 0.0, FASTEST)
+            check_range("speed of the ball without images", float(np.linalg.norm(self.ball.velocity)), 0.0, FASTEST_BALL)
         if self.launcher.rate and self.shots == "rotation":
             raise TtError(f"launcher.rate = {self.launcher.rate:g} goes with balls that fly, not with shots 'rotation'")
         if self.session is not None:
@@ -172,8 +172,8 @@ class Scenario:
         Args:
             seed: Number of the ball.
         """
-        kind = KINDS[seed % len(KINDS)] if self.kind == MIXED else self.kind
-        return kind, self.scales[seed // len(KINDS) % len(self.scales)]
+        kind = SHOT_KINDS[seed % len(SHOT_KINDS)] if self.kind == MIXED else self.kind
+        return kind, self.scales[seed // len(SHOT_KINDS) % len(self.scales)]
 
 
 @functools.cache
@@ -183,13 +183,13 @@ def _arm_file(arm: str) -> ArmFile:
 
 def _is_arm(name: str) -> bool:
     """Return whether a name or path is that of an arm, and not of models and methods."""
-    if name in names(HOME / "robots"):
+    if name in yaml_names(HOME / "robots"):
         return False
     try:
         path = arm_file(name)
     except BadFile:
         return False
-    return name in robots() or Path(name).is_dir() or "urdf" in read(path)
+    return name in robots() or Path(name).is_dir() or "urdf" in read_yaml(path)
 
 
 def load(name: str, robot: str | None = None, world: str | None = None, images: bool | None = None) -> Scenario:
@@ -204,8 +204,8 @@ def load(name: str, robot: str | None = None, world: str | None = None, images: 
     Raises:
         BadFile: A file cannot be read, or a value in it is wrong.
     """
-    file = find(name, HOME / "scenarios")
-    content = read(file)
+    file = find_file(name, HOME / "scenarios")
+    content = read_yaml(file)
     key_of_robot = "arm" if robot is not None and _is_arm(robot) else "robot"
     for key, other in ((key_of_robot, robot), ("world", world), ("images", images)):
         if other is not None:
@@ -216,6 +216,6 @@ def load(name: str, robot: str | None = None, world: str | None = None, images: 
     for key, kind, folder in (("world", WorldParams, WORLDS), ("robot", Robot, HOME / "robots")):
         part = content.get(key)
         if isinstance(part, str):
-            there = find(part, folder, file.parent)
-            content[key] = build(kind, read(there), there.name)
+            there = find_file(part, folder, file.parent)
+            content[key] = build(kind, read_yaml(there), there.name)
     return replace(build(Scenario, content, file.name), name=Path(name).stem + (f", robot {robot}" if robot else ""))

@@ -3,8 +3,8 @@
 Each of the nine errors is normally distributed. Its variance is the sum of four parts: a constant one, one for spin (|w| / 300 rad/s)^2,
 one for speed s^2 and one for blur s^4, with s = |v| / 5 m/s. The errors are correlated as fitted. The time of the measurement needs no fit:
 it is that of the last image that is used, which follows from geometry and light. The fit covers the launcher's balls of all scales, up to
-14 m/s, and as many balls slower than 3 m/s, down to rest. These are all that scenarios play. A ball faster than FASTEST is refused, because
-the fit does not cover it.
+14 m/s, and as many balls slower than 3 m/s, down to rest. These are all that scenarios play. A ball faster than FASTEST_BALL is refused,
+because the fit does not cover it.
 
 A burst is the set of images of one ball's passage through the high-speed cameras, six pairs by default.
 """
@@ -26,26 +26,26 @@ from tt_core.constants import BALL_RADIUS
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 from tt_sim.render import SHARPNESS, Lamps, Texture
-from tt_sim.world.outcome import places
+from tt_sim.world.outcome import free_flight_positions
 from tt_vision.camera import Camera
 from tt_vision.capture.assembler import BurstParams
 from tt_vision.detection.ball_detection import SATURATED
-from tt_vision.detection.outline import DEPTH
+from tt_vision.detection.outline import BALL_THRESHOLD
 from tt_vision.projection import project_from_table, unpack_camera
 from tt_vision.rig import FRAME_RATE
 
-FASTEST = 16.0  # m/s, the catapult's fastest ball with its scatter
-SPIN, SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
-MARGIN = 2.0  # pixels that an image must show around a whole ball
-FRAMES = 60  # number of frames after the launch in which the burst is searched for
-WHITE = 0.85  # albedo of the default ball without marks, see tt_sim.render.Texture
+FASTEST_BALL = 16.0  # m/s, the catapult's fastest ball with its scatter
+FIT_SPIN, FIT_SPEED = 300.0, 5.0  # rad/s, m/s: units of the fit
+IMAGE_MARGIN = 2.0  # pixels that an image must show around a whole ball
+SEARCHED_FRAMES = 60  # number of frames after the launch in which the burst is searched for
+BALL_ALBEDO = 0.85  # albedo of the default ball without marks, see tt_sim.render.Texture
 UNMARKED = 0.88  # of the full-scale pixels that marks with their blurred edges leave: mean of 52 rendered images
 FULL = 254.5 / 255.0  # grey that an image of 8 bits rounds to full scale
 _RINGS = np.arange(64)
 DISC = np.column_stack(
     [np.sqrt((_RINGS + 0.5) / 64) * f(math.pi * (3.0 - math.sqrt(5.0)) * _RINGS) for f in (np.cos, np.sin)]
 )  # even over it
-NAMES = tuple(f"{what}_{axis}" for what in ("position", "velocity", "spin") for axis in "xyz")
+ERROR_NAMES = tuple(f"{what}_{axis}" for what in ("position", "velocity", "spin") for axis in "xyz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class SensorErrorModel:
             file: The file.
             comment: Text of its first line.
         """
-        rows = {name: [float(f"{v:.4g}") for v in row] for name, row in zip(NAMES, self.parts, strict=True)}
+        rows = {name: [float(f"{v:.4g}") for v in row] for name, row in zip(ERROR_NAMES, self.parts, strict=True)}
         content = {"refused": round(self.refused, 4), "variances": rows, "correlation": np.round(self.correlation, 3).tolist()}
         file.write_text(f"# {comment}\n{yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=140)}")
 
@@ -123,14 +123,14 @@ class SensorErrorModel:
 
 def _causes(speeds: Array | float, spins: Array | float) -> Array:
     """Return (4, n) for balls at speeds (n,) m/s and spins (n,) rad/s, or (4,) for one."""
-    s = speeds / SPEED
-    return np.array([s**0, (spins / SPIN) ** 2, s**2, s**4])
+    s = speeds / FIT_SPEED
+    return np.array([s**0, (spins / FIT_SPIN) ** 2, s**2, s**4])
 
 
 @functools.cache
 def _load(name: str) -> SensorErrorModel:
     content = yaml.safe_load((Path(__file__).parent / "sensor_error_models" / f"{name}.yaml").read_text())
-    parts = np.array([content["variances"][key] for key in NAMES])
+    parts = np.array([content["variances"][key] for key in ERROR_NAMES])
     return SensorErrorModel(content["refused"], parts, np.array(content["correlation"]))
 
 
@@ -141,12 +141,12 @@ def _whole(camera: Array, width: int, height: int, points: Array) -> npt.NDArray
     radius = model.optics.focal * BALL_RADIUS
     for i in range(len(points)):
         u, v, depth = project_from_table(model, points[i, 0], points[i, 1], points[i, 2])
-        room = radius / depth + MARGIN
+        room = radius / depth + IMAGE_MARGIN
         whole[i] = room < u < width - 1 - room and room < v < height - 1 - room
     return whole
 
 
-class Illumination(NamedTuple):
+class BallLight(NamedTuple):
     """Light on a white ball, for compiled functions.
 
     Attributes:
@@ -166,7 +166,7 @@ class Illumination(NamedTuple):
     gloss: float
 
 
-def illumination(lamps: Lamps, texture: Texture) -> Illumination:
+def illumination(lamps: Lamps, texture: Texture) -> BallLight:
     """Return the light of the given lamps on the white part of a ball.
 
     Args:
@@ -175,11 +175,11 @@ def illumination(lamps: Lamps, texture: Texture) -> Illumination:
     """
     places = np.array([lamp.position for lamp in lamps.lamps]).reshape(-1, 3)
     strengths = np.array([lamp.strength for lamp in lamps.lamps])
-    return Illumination(places, strengths, lamps.ambient, lamps.background, WHITE, texture.gloss)
+    return BallLight(places, strengths, lamps.ambient, lamps.background, BALL_ALBEDO, texture.gloss)
 
 
 @njit(cache=True, error_model="numpy")
-def brightest(point: Array, light: Illumination) -> float:
+def brightest(point: Array, light: BallLight) -> float:
     """Return an upper bound of the grey level (1 is full scale) of a ball, whatever side it is seen from.
 
     Args:
@@ -204,7 +204,7 @@ def brightest(point: Array, light: Illumination) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def saturated_share(point: Array, eye: Array, light: Illumination) -> float:
+def saturated_share(point: Array, eye: Array, light: BallLight) -> float:
     """Return the share of the bright part of a ball's image that is at full scale. `find_ball` refuses an image above SATURATED.
 
     The light is computed as by the renderer, diffuse with a specular lobe, at points that are evenly distributed over the visible disc.
@@ -240,7 +240,7 @@ def saturated_share(point: Array, eye: Array, light: Illumination) -> float:
                     lobe *= lobe
                 grey += light.strengths[k] / square * (light.albedo * facing + light.gloss * lobe)
         greys[i] = grey
-    threshold = light.background + DEPTH * (min(1.0, greys.max()) - light.background)
+    threshold = light.background + BALL_THRESHOLD * (min(1.0, greys.max()) - light.background)
     bright, full = 0, 0
     for i in range(len(greys)):
         bright += greys[i] > threshold
@@ -249,7 +249,7 @@ def saturated_share(point: Array, eye: Array, light: Illumination) -> float:
 
 
 @njit(cache=True)
-def _last_of_burst(whole: npt.NDArray[np.bool_], points: Array, eyes: Array, light: Illumination, frames: int) -> int:
+def _last_of_burst(whole: npt.NDArray[np.bool_], points: Array, eyes: Array, light: BallLight, frames: int) -> int:
     """Return the index of the frame that completes a burst, -1 if none does."""
     found = 0
     for i in range(len(points)):
@@ -265,7 +265,7 @@ def _last_of_burst(whole: npt.NDArray[np.bool_], points: Array, eyes: Array, lig
 
 
 @functools.lru_cache(maxsize=1)
-def _light(lamps: Lamps) -> Illumination:
+def _light(lamps: Lamps) -> BallLight:
     return illumination(lamps, Texture.plain())
 
 
@@ -290,8 +290,8 @@ def last_frame(
     Returns:
         The time; None if there are not enough such frames.
     """
-    times = np.arange(1, FRAMES) / FRAME_RATE
-    points = places(ball.vector, times, physics.air.coefficients)
+    times = np.arange(1, SEARCHED_FRAMES) / FRAME_RATE
+    points = free_flight_positions(ball.vector, times, physics.air.coefficients)
     whole = np.logical_and.reduce([_whole(camera.vector, camera.width, camera.height, points) for camera in cameras])
     last = _last_of_burst(whole, points, np.array([camera.position for camera in cameras]), _light(lamps or Lamps()), frames)
     return None if last < 0 else ball.time + float(times[last])

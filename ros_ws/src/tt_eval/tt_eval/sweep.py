@@ -28,9 +28,9 @@ from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
 
 PART = 250  # most balls of one task
-STEPS = 40  # least number of tasks of a sweep, so that its progress is visible
+LEAST_TASKS = 40  # least number of tasks of a sweep, so that its progress is visible
 CONNECT = 10.0  # s, longest time to connect to the scheduler
-AHEAD = 3  # tasks for each worker that are submitted at a time
+TASKS_AHEAD = 3  # tasks for each worker that are submitted at a time
 SCHEMA = pa.schema([(name, pa.string()) for name in TEXTS] + [(name, pa.float64()) for name in NUMBERS])
 
 
@@ -57,7 +57,7 @@ class NoScheduler(TtError):
         self.address = address
 
 
-def part(scenario: Scenario, first: int, last: int) -> pa.Table:
+def simulate_balls(scenario: Scenario, first: int, last: int) -> pa.Table:
     """Simulate the balls `first` to `last` - 1 of a scenario.
 
     Sessions whose balls depend on each other are simulated as a whole.
@@ -102,8 +102,8 @@ def parts(scenario: Scenario, missing: list[tuple[int, int]], executor: Executor
     """
     left, running = iter(missing), dict[Future[pa.Table], int]()
     while True:
-        while len(running) < AHEAD * workers and (task := next(left, None)) is not None:
-            running[executor.submit(part, scenario, *task)] = task[0]
+        while len(running) < TASKS_AHEAD * workers and (task := next(left, None)) is not None:
+            running[executor.submit(simulate_balls, scenario, *task)] = task[0]
         if not running:
             return
         for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -119,7 +119,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
         out: The Parquet file.
         scheduler: Address of a Dask scheduler; None: processes of this machine.
         workers: Number of processes; None: one for each core.
-        size: Balls of one part; 0: at most PART, and at least STEPS parts.
+        size: Balls of one part; 0: at most PART, and at least LEAST_TASKS parts.
 
     Raises:
         OtherSweep: The parts beside the file are of another sweep.
@@ -127,7 +127,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
         TtError: The scenario has no such balls. All errors are raised before any ball is simulated.
     """
     Trial.drawn(scenario, 0)
-    size = size or max(1, min(PART, balls // STEPS))
+    size = size or max(1, min(PART, balls // LEAST_TASKS))
     folder, mark = out.with_name(out.name + ".parts"), fingerprint(scenario, balls, size)
     begun = folder / "scenario.json"
     if begun.is_file() and json.loads(begun.read_text())["fingerprint"] != mark:
@@ -135,7 +135,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
     folder.mkdir(parents=True, exist_ok=True)
     begun.write_text(json.dumps({"fingerprint": mark, "scenario": scenario.name, "balls": balls}))
     tasks = [(first, min(first + size, balls)) for first in range(0, balls, size)]
-    missing = [task for task in tasks if not (folder / f"{task[0]:09d}.parquet").is_file()]
+    missing = [(first, end) for first, end in tasks if not (folder / f"{first:09d}.parquet").is_file()]
     with ExitStack() as stack:
         advance = stack.enter_context(progress("balls", balls, balls - sum(last - first for first, last in missing)))
         executor, count = _executor(stack, scheduler, workers)

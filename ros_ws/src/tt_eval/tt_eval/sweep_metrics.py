@@ -81,5 +81,5 @@ def _returned(outcome: Outcome, goal: ReturnGoal) -> dict[str, float]:
         return {}
     (x, y, _), (_, spin_y, spin_z) = landing.before.position.tolist(), hit.after.spin.tolist()
     flight_time = landing.before.time - hit.before.time
-    off = math.hypot(x - goal.landing[0], y - goal.landing[1]), math.hypot(spin_y - goal.spin_y, spin_z - goal.spin_z)
-    return dict(zip(RETURN, (x, y, flight_time, spin_y, spin_z, off[0], flight_time - goal.flight_time, off[1]), strict=True))
+    off, spin_off = math.hypot(x - goal.landing[0], y - goal.landing[1]), math.hypot(spin_y - goal.spin_y, spin_z - goal.spin_z)
+    return dict(zip(RETURN, (x, y, flight_time, spin_y, spin_z, off, flight_time - goal.flight_time, spin_off), strict=True))

@@ -16,28 +16,30 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+from tt_core.arrays import POSITION, SPIN, VELOCITY, VZ, Array, X, Y, Z
 from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.flight import fly
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_sim.cameras.tracking_cameras import Sightings, believed
-from tt_sim.world.outcome import Outcome, places
+from tt_sim.world.outcome import Outcome, free_flight_positions
 from tt_sim.world.true_ball import Contact, Surface
 from tt_vision.camera import triangulate
 from tt_vision.rig import WIDE_RATE
 
 KINK = 1.2  # m/s, least change of velocity at a contact: five standard deviations of positions with 1.3 mm; few bounces give less
 UNUSUAL = 4.0  # least change of velocity at a contact over the median change, for worse cameras
-CLOSE = 0.05  # m, distance at which a surface counts as touched: half of the motion between two frames
-FEWEST = 5  # least number of positions of a flight
-SCATTER = 2.0e-3  # m, standard deviation of a position, for the weight of SPIN: that of bad cameras
-SPIN = 300.0  # rad/s, prior standard deviation of the spin of any ball: bounds the part that the flight does not show
-MOST_SPIN = 1500.0  # rad/s about each axis, more than in real play
-ROUNDS, FRESH = 5, 3  # number of Gauss-Newton iterations, and of the first ones that compute the Jacobian
+TOUCH_DISTANCE = 0.05  # m, distance at which a surface counts as touched: half of the motion between two frames
+LEAST_POSITIONS = 5  # least number of positions of a flight
+SCATTER = 2.0e-3  # m, standard deviation of a position, for the weight of PRIOR_SPIN: that of bad cameras
+FIRST_SPAN = 3  # frames over which the first estimate of the velocity is taken
+PRIOR_SPIN = 300.0  # rad/s, prior standard deviation of the spin of any ball: bounds the part that the flight does not show
+MOST_PLAYED_SPIN = 1500.0  # rad/s about each axis, more than in real play
+ITERATIONS, JACOBIAN_ITERATIONS = 5, 3  # number of Gauss-Newton iterations, and of the first ones that compute the Jacobian
 
 
 @njit(cache=True)
 def fitted(times: Array, seen: Array, air: Array) -> Array:
-    """Fit a flight to observed positions by least squares, with a prior of SPIN.
+    """Fit a flight to observed positions by least squares, with a prior of PRIOR_SPIN.
 
     Args:
         times: (n,) s, n at least 4.
@@ -49,25 +51,25 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
     """
     n = len(times)
     ball, step = np.zeros(9), np.array([0.0, 0.0, 0.0, 1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])  # m/s, rad/s
-    ball[:3], ball[3:6] = seen[0], (seen[3] - seen[0]) / (times[3] - times[0])
+    ball[POSITION], ball[VELOCITY] = seen[0], (seen[FIRST_SPAN] - seen[0]) / (times[FIRST_SPAN] - times[0])
     jacobian, normal = np.zeros((3 * n, 9)), np.zeros((9, 9))
     for k in range(3):
         jacobian[k::3, k] = 1.0  # a position moves with the first position
-    for i in range(ROUNDS):
-        path = places(ball, times, air)
-        if i < FRESH:
+    for i in range(ITERATIONS):
+        path = free_flight_positions(ball, times, air)
+        if i < JACOBIAN_ITERATIONS:
             for k in range(3, 9):
                 beside = ball.copy()
                 beside[k] += step[k]
-                jacobian[:, k] = ((places(beside, times, air) - path) / step[k]).reshape(3 * n)
+                jacobian[:, k] = ((free_flight_positions(beside, times, air) - path) / step[k]).reshape(3 * n)
             normal[:] = jacobian.T @ jacobian
             for k in range(6, 9):
-                normal[k, k] += (SCATTER / SPIN) ** 2
+                normal[k, k] += (SCATTER / PRIOR_SPIN) ** 2
         right = jacobian.T @ (seen - path).reshape(3 * n)
         for k in range(6, 9):
-            right[k] -= (SCATTER / SPIN) ** 2 * ball[k]
+            right[k] -= (SCATTER / PRIOR_SPIN) ** 2 * ball[k]
         ball += np.linalg.solve(normal, right)
-        ball[6:] = np.minimum(np.maximum(ball[6:], -MOST_SPIN), MOST_SPIN)
+        ball[6:] = np.minimum(np.maximum(ball[6:], -MOST_PLAYED_SPIN), MOST_PLAYED_SPIN)
     return ball
 
 
@@ -75,11 +77,11 @@ def fitted(times: Array, seen: Array, air: Array) -> Array:
 def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
     """Find the frames that are nearest to contacts, where the velocity of the ball jumps.
 
-    There the velocity changes by more than KINK, by more than UNUSUAL times its median change, and by more than at the FEWEST - 1 frames on
-    each side.
+    There the velocity changes by more than KINK, by more than UNUSUAL times its median change, and by more than at the LEAST_POSITIONS - 1
+    frames on each side.
 
     Args:
-        times: (n,) s, n at least FEWEST.
+        times: (n,) s, n at least LEAST_POSITIONS.
         seen: (n, 3) m in `table`, observed positions.
 
     Returns:
@@ -92,20 +94,24 @@ def kinks(times: Array, seen: Array) -> npt.NDArray[np.int64]:
         change[k] = np.sqrt(((after - before) ** 2).sum())
     least = max(KINK, UNUSUAL * np.median(change[2 : n - 2]))
     for k in range(2, n - 2):
-        kink[k] = change[k] > least and change[k] == change[max(0, k - FEWEST + 1) : k + FEWEST].max()
+        kink[k] = change[k] > least and change[k] == change[max(0, k - LEAST_POSITIONS + 1) : k + LEAST_POSITIONS].max()
     return np.flatnonzero(kink)
 
 
 def _surface(ball: Array, after: Array) -> Surface | None:
     """Return what a ball (9,) met that goes on at velocity `after` (3,) m/s; None if no surface is there."""
-    x, y, z = ball[:3]
-    before = ball[3:6]
-    if before[0] < 0.0 < after[0] and x < NET_X - CLOSE:
+    x, y, z = ball[POSITION]
+    before = ball[VELOCITY]
+    if before[X] < 0.0 < after[X] and x < NET_X - TOUCH_DISTANCE:
         return Surface.RACKET
-    over = -CLOSE < x < TABLE_LENGTH + CLOSE and -CLOSE < y < TABLE_WIDTH + CLOSE and abs(z) < 2.0 * CLOSE
-    if over and before[2] < after[2] and after[2] > 0.0 and before[0] * after[0] > 0.0:
+    over = (
+        -TOUCH_DISTANCE < x < TABLE_LENGTH + TOUCH_DISTANCE
+        and -TOUCH_DISTANCE < y < TABLE_WIDTH + TOUCH_DISTANCE
+        and abs(z) < 2.0 * TOUCH_DISTANCE
+    )
+    if over and before[Z] < after[Z] and after[Z] > 0.0 and before[X] * after[X] > 0.0:
         return Surface.TABLE
-    return Surface.NET if abs(x - NET_X) < 2.0 * CLOSE and z < NET_HEIGHT + CLOSE else None
+    return Surface.NET if abs(x - NET_X) < 2.0 * TOUCH_DISTANCE and z < NET_HEIGHT + TOUCH_DISTANCE else None
 
 
 @njit(cache=True)
@@ -141,7 +147,7 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
     Returns:
         The flight with its contacts, which are where two fitted flights meet. Without enough positions it has no contacts.
     """
-    if len(sightings.times) < FEWEST:
+    if len(sightings.times) < LEAST_POSITIONS:
         return Outcome(BallState(0.0, *np.zeros((3, 3))))
     times, seen = sightings.times, triangulate(believed(), sightings.pixels)
     turns = kinks(times, seen)
@@ -152,7 +158,7 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
     def flight(i: int) -> tuple[float, Array] | None:
         """Fit the flight between kinks i - 1 and i, without their frames: a time (s) and the ball (9,) then; None if it is too short."""
         rows = slice(ends[i] + 1, ends[i + 1])
-        if rows.stop - rows.start < FEWEST:
+        if rows.stop - rows.start < LEAST_POSITIONS:
             return None
         return float(times[rows.start]), fitted(times[rows] - times[rows.start], seen[rows], air)
 
@@ -161,10 +167,11 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
     for k, before, after in zip(turns, flights, flights[1:], strict=False):
         if before is None or after is None:
             continue
-        time, one, other = _meeting(before[1], after[1], after[0] - before[0], times[k] - before[0], air)
-        surface = _surface(one, other[3:6])
+        (start, earlier), (later_start, later) = before, after
+        time, one, other = _meeting(earlier, later, later_start - start, times[k] - start, air)
+        surface = _surface(one, other[VELOCITY])
         if surface is not None:
-            outcome.contacts.append(Contact(surface, _ball(before[0] + time, one), _ball(before[0] + time, other)))
+            outcome.contacts.append(Contact(surface, _ball(start + time, one), _ball(start + time, other)))
     if flights[-1] is not None and outcome.hit is not None and outcome.landing is None:
         end = _past_the_table(*flights[-1], float(times[-1]), air)
         outcome.contacts += [Contact(Surface.FLOOR, end, end)] if end is not None else []
@@ -174,14 +181,14 @@ def score_from_video(sightings: Sightings, air: Array) -> Outcome:
 def _ball(time: float, row: Array) -> BallState:
     """Return the ball of a row that a kernel has just made."""
     row.flags.writeable = False
-    return BallState.trusted(time, row[:3], row[3:6], row[6:])
+    return BallState.trusted(time, row[POSITION], row[VELOCITY], row[SPIN])
 
 
 def _past_the_table(start: float, ball: Array, time: float, air: Array) -> BallState | None:
     """Return a ball (9,) of `start` (s), last seen at `time` (s), where it falls to the table's height, if that is beside the table."""
     while True:
         row = fly(ball, time - start, air)
-        if row[2] < BALL_RADIUS and row[5] < 0.0:
-            over = 0.0 < row[0] < TABLE_LENGTH and 0.0 < row[1] < TABLE_WIDTH
+        if row[Z] < BALL_RADIUS and row[VZ] < 0.0:
+            over = 0.0 < row[X] < TABLE_LENGTH and 0.0 < row[Y] < TABLE_WIDTH
             return None if over else _ball(time, row)
         time += 1.0 / WIDE_RATE

@@ -25,13 +25,13 @@ from tt_core.arrays import POSITION, STATE, TIME, VELOCITY, Array
 from tt_core.errors import TtError
 from tt_core.events import MOST_BOUNCES, Rows, StopCondition, StopKind, walk
 from tt_core.interpolate import hermite
-from tt_core.learnt_physics import NODES
+from tt_core.learnt_physics import PHYSICS_NODES
 from tt_core.physics import Physics, physics_coefficients
 
 from .coefficients import LEAST_SCALE, RANGES, NoFlights, coefficient, with_coefficients
 from .landing_fit import Identification, identify_landings
 from .landings import up_to_landing
-from .recordings import Flight, load
+from .recordings import Flight, load_flights
 
 __all__ = [
     "Identification",
@@ -47,8 +47,8 @@ __all__ = [
 ]
 
 SPIN_UNIT = 100.0  # rad/s, scale of the spins in the fit
-MOST_SPIN = 1000.0  # rad/s, bound of the fitted spins
-SPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins to start from; (3.3) is not continuous at 0
+SPIN_BOUND = 1000.0  # rad/s, bound of the fitted spins
+START_TOPSPINS = (-400.0, -200.0, -80.0, -20.0, 20.0, 80.0, 200.0, 400.0)  # rad/s, topspins to start from; (3.3) is not continuous at 0
 START_CORRECTIONS = 3  # number of Gauss-Newton steps with which the start of a flight is fitted for the first time
 MORE_CORRECTIONS = 2  # number of steps from the start that was found with the previous coefficients
 _AT_TIME = int(StopKind.TIME)
@@ -133,7 +133,8 @@ def first_guess(flight: Flight) -> Array:
     """Return position (m) and velocity (m/s) at the start of a flight as one array (6,), from a parabola fitted to its first 20 points."""
     t, n = flight.times - flight.times[0], min(len(flight.times), 20)
     line = np.polynomial.polynomial.polyfit(t[:n], flight.positions[:n], 2)
-    return np.concatenate([line[0], line[1]])
+    position, velocity, _ = line
+    return np.concatenate([position, velocity])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,13 +181,13 @@ class _Fit:
         weights: (m,) weights of all coordinates, such that each flight has the same weight.
     """
 
-    def __init__(self, flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None]) -> None:
+    def __init__(self, flights: Sequence[Flight], physics: Physics, names: Sequence[str], report: Callable[[int, float], None]) -> None:
         self.flights, self.physics, self.names = flights, physics, names
         self.groups = sorted({flight.group for flight in flights if flight.spin is None})
         self.scale = np.array([max(LEAST_SCALE, abs(coefficient(physics, name))) for name in names] + [SPIN_UNIT] * len(self.groups))
         self.weights = np.concatenate([np.full(3 * len(f.times), 1.0 / np.sqrt(len(f.times))) for f in flights])
         self._starts: list[Array | None] = [None] * len(flights)
-        self._trials, self._tell = 0, tell
+        self._trials, self._report = 0, report
 
     def misses(self, physics: Physics, topspins: Array) -> list[Array]:
         """Return predicted minus recorded coordinates in m for each flight, after its start was fitted.
@@ -205,13 +206,13 @@ class _Fit:
         return out
 
     def first_topspins(self) -> Array:
-        """Return for each group without a measured spin the element of SPINS (rad/s) that fits its flights best."""
-        cost = np.zeros((len(SPINS), len(self.groups)))
-        for row, spin in zip(cost, SPINS, strict=True):
+        """Return for each group without a measured spin the element of START_TOPSPINS (rad/s) that fits its flights best."""
+        cost = np.zeros((len(START_TOPSPINS), len(self.groups)))
+        for row, spin in zip(cost, START_TOPSPINS, strict=True):
             for flight, miss in zip(self.flights, self.misses(self.physics, np.full(len(self.groups), spin)), strict=True):
                 if flight.spin is None:
                     row[self.groups.index(flight.group)] += np.mean(miss**2)
-        return np.array(SPINS)[np.argmin(cost, axis=0)]
+        return np.array(START_TOPSPINS)[np.argmin(cost, axis=0)]
 
     def first(self) -> Array:
         """Return the unknowns (n,), scaled coefficients and topspins, from which the fit starts."""
@@ -220,7 +221,7 @@ class _Fit:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and the upper bounds (n,) of the unknowns, the scaled coefficients and topspins."""
-        ranges = [RANGES[name] for name in self.names] + [(-MOST_SPIN, MOST_SPIN)] * len(self.groups)
+        ranges = [RANGES[name] for name in self.names] + [(-SPIN_BOUND, SPIN_BOUND)] * len(self.groups)
         low, high = np.array(ranges).T / self.scale
         return low, high
 
@@ -229,7 +230,7 @@ class _Fit:
         values, count = unknowns * self.scale, len(self.names)
         misses = np.concatenate(self.misses(with_coefficients(self.physics, self.names, values[:count]), values[count:]))
         self._trials += 1
-        self._tell(self._trials, float(np.sqrt(3.0 * np.mean(misses**2))))
+        self._report(self._trials, float(np.sqrt(3.0 * np.mean(misses**2))))
         return self.weights * misses
 
     def rms(self, residuals: Array) -> float:
@@ -251,7 +252,7 @@ class _Fit:
 
 
 def identify(
-    flights: Sequence[Flight], physics: Physics, names: Sequence[str], tell: Callable[[int, float], None] = lambda trial, rms: None
+    flights: Sequence[Flight], physics: Physics, names: Sequence[str], report: Callable[[int, float], None] = lambda trial, rms: None
 ) -> Identified:
     """Fit coefficients of air and table to recorded flights.
 
@@ -261,7 +262,7 @@ def identify(
         flights: Recorded flights.
         physics: Models from which the fit starts.
         names: Names of the coefficients to fit, for example "air.drag". If it is empty, only the unmeasured spins are fitted.
-        tell: Callback for progress. It gets the number of each trial and its root mean square distance in m.
+        report: Callback for progress. It gets the number of each trial and its root mean square distance in m.
 
     Returns:
         The identified coefficients with their confidence intervals.
@@ -274,7 +275,7 @@ def identify(
         raise NoFlights
     if not any(name.startswith("table.") for name in names):
         flights = [up_to_landing(flight) for flight in flights]
-    fit = _Fit(flights, physics, names, tell)
+    fit = _Fit(flights, physics, names, report)
     first = fit.first()
     before = fit.residuals(first)
     if len(first) == 0:
@@ -300,7 +301,7 @@ def write_parameters(found: Identified, base: str, path: Path) -> None:
     """
     lines = [f"# identified; behind each value half the width of its 95 % interval; rms {1e3 * found.rms[1]:.2f} mm"]
     values = [f"    {n}: {float(v)!r} # {h:.2g}" for n, v, h in zip(found.names, found.values, found.intervals, strict=True)]
-    for node in NODES:
+    for node in PHYSICS_NODES:
         lines += [f"/**/{node}:", "  ros__parameters:", f"    physics: {base}", *values]
     path.write_text("\n".join(lines) + "\n")
 
@@ -331,7 +332,7 @@ def main(words: Sequence[str] | None = None) -> int:
     names = args.coefficients or ["air.drag", "air.lift" if args.physics == "liu" else "air.lift_ratio"]
     physics = Physics.liu() if args.physics == "liu" else Physics.measured()
     try:
-        flights = load(args.source, args.topic)
+        flights = load_flights(args.source, args.topic)
         with console.status(f"{len(flights)} flights") as status:
             found = identify(
                 flights, physics, names, lambda n, rms: status.update(f"{len(flights)} flights, trial {n}: {1e3 * rms:.2f} mm")

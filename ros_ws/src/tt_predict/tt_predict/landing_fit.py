@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from tt_core.arrays import VZ, Array, X, Y, Z
 from tt_core.errors import BadShape, TtError, check_array, check_choice
 from tt_core.events import LONGEST_PATH
-from tt_core.flight import MAX_STEP, crossing, ease, step
+from tt_core.flight import MAX_STEP, crossing_time, ease, step
 from tt_core.physics import Physics, physics_coefficients
 from tt_core.states import BallState
 
@@ -67,7 +67,7 @@ def _land_entry(states: Array, physics: Array, out: Array) -> None:
             h = MAX_STEP * ease(now, air)
             step(now, h, air, end, work)
             if end[Z] <= contact and end[VZ] < 0.0 and now[Z] > contact:
-                t += crossing(now, 0.0, h, Z, contact, air, end, work)
+                t += crossing_time(now, 0.0, h, Z, contact, air, end, work)
                 out[i, 0], out[i, 1], out[i, 2] = end[X], end[Y], t
                 break
             now[:] = end
@@ -124,7 +124,7 @@ def identify_landings(
     wanted = np.column_stack([seen[:, :2], durations])
     first = np.array([coefficient(physics, name) for name in names])
     shares = np.array([LANDING_SPREADS.get(name, OTHER_SPREAD) for name in names])
-    spreads = shares * np.maximum(np.abs(first), LEAST_SCALE)
+    prior_sigmas = shares * np.maximum(np.abs(first), LEAST_SCALE)
     low, high = np.array([RANGES[name] for name in names]).reshape(-1, 2).T
 
     def misses(values: Array) -> Array:
@@ -141,15 +141,15 @@ def identify_landings(
         scale = np.maximum(1.4826 * np.median(np.abs(off), axis=0), LEAST_MISS)
 
         def residuals(x: Array, scale: Array = scale) -> Array:
-            return np.concatenate([(misses(x) / scale).ravel(), (x - first) / spreads])
+            return np.concatenate([(misses(x) / scale).ravel(), (x - first) / prior_sigmas])
 
-        found = least_squares(residuals, values, bounds=(low, high), x_scale=spreads, loss="soft_l1", diff_step=1e-4, xtol=1e-8)
+        found = least_squares(residuals, values, bounds=(low, high), x_scale=prior_sigmas, loss="soft_l1", diff_step=1e-4, xtol=1e-8)
         values, off = found.x, misses(found.x)
     half = np.zeros(0)
     if len(first):
         rows, r = found.jac[: -len(first)].reshape(count, 3, -1), found.fun[: -len(first)].reshape(count, 3)
         bread = np.linalg.pinv(found.jac.T @ found.jac)
         scores = np.einsum("nkp,nk->np", rows, r * (1.0 + r * r) ** 0.25)  # `jac` is scaled for the loss: these are the gradient
-        prior = np.diag((1.0 / spreads) ** 2)
+        prior = np.diag((1.0 / prior_sigmas) ** 2)
         half = 1.96 * np.sqrt(np.diag(bread @ (scores.T @ scores + prior) @ bread))
     return Identification(with_coefficients(physics, names, values), tuple(names), values, half, (before, distance(off)))

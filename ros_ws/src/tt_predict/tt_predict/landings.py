@@ -11,7 +11,7 @@ from tt_core.constants import BALL_RADIUS
 from .recordings import Flight
 
 NEAR_TABLE = 0.1  # m, largest height of the lowest recorded point near a bounce
-BEYOND = 0.03  # s, longest time after the lowest recorded point for which a landing is extrapolated
+LONGEST_EXTRAPOLATION = 0.03  # s, longest time after the lowest recorded point for which a landing is extrapolated
 
 
 class Landing(NamedTuple):
@@ -26,7 +26,7 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> Landing | No
 
     A parabola is fitted to the last 10 points before the lowest recorded point, and one to the 8 points after it. The bounce is where both
     parabolas meet. If there are fewer than 6 points after the lowest one, the bounce is where the first parabola comes down to
-    `contact_height`, at most BEYOND seconds after the lowest point.
+    `contact_height`, at most LONGEST_EXTRAPOLATION seconds after the lowest point.
 
     Args:
         flight: The recorded points of the ball.
@@ -50,7 +50,7 @@ def landing(flight: Flight, contact_height: float = BALL_RADIUS) -> Landing | No
     other = np.polynomial.polynomial.polyfit(t[after], z[after, 2], 2) if bounced else np.array([contact_height, 0.0, 0.0])
     roots = np.roots((arc[:, 2] - other)[::-1])
     at = float(min(roots.real, key=abs))
-    if np.abs(roots.imag).max() > 0.0 or not -0.02 < at < (0.02 if bounced else BEYOND):
+    if np.abs(roots.imag).max() > 0.0 or not -0.02 < at < (0.02 if bounced else LONGEST_EXTRAPOLATION):
         return None
     place = np.array([np.polynomial.polynomial.polyval(at, arc[:, k]) for k in range(2)])
     return Landing(float(flight.times[lowest] + at), place)

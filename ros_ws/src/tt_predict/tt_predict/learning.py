@@ -20,7 +20,12 @@ from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState
 
 OF_RUBBER = slice(OF_BALL, len(FACTORS))
-STEPS = np.concatenate([np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)])  # steps of finite differences, ball and racket, SI units
+DIFFERENCE_STEPS = np.concatenate(
+    [np.repeat([1e-5, 1e-4, 1e-2], 3), np.full(5, 1e-4)]
+)  # steps of finite differences, ball and racket, SI units
+# elements of a change (16,) of a contact: ball, racket velocity m/s, alpha and beta rad, logarithms of the factors of the rubber
+CHANGED_BALL, CHANGED_VELOCITY, CHANGED_ALPHA, CHANGED_BETA, CHANGED_RUBBER = slice(0, 9), slice(9, 12), 12, 13, slice(14, 16)
+CHANGED_ANGLES = slice(12, 14)
 FACTOR_STEP = 1e-4  # step of finite differences, logarithm of a factor
 SLOWEST = 0.5  # m/s, least approach speed of ball and racket; a slower contact is not used
 
@@ -144,10 +149,14 @@ class PhysicsLearner:
         def after(change: Array, rubber: Array) -> Array | None:
             """Return the ball (9,) after the contact for changes of ball and racket (14,) and of the rubber's logarithms (2,), or None."""
             changed = RacketState(
-                racket.time, racket.position, racket.velocity + change[9:12], racket.alpha + change[12], racket.beta + change[13]
+                racket.time,
+                racket.position,
+                racket.velocity + change[CHANGED_VELOCITY],
+                racket.alpha + change[CHANGED_ALPHA],
+                racket.beta + change[CHANGED_BETA],
             )
             rubbered = scaled(physics, [*np.zeros(OF_BALL), *rubber]) if rubber.any() else physics
-            return _rebounded(ball.vector + change[:9], changed, turning, rubbered)
+            return _rebounded(ball.vector + change[CHANGED_BALL], changed, turning, rubbered)
 
         middle = after(np.zeros(14), np.zeros(2))
         if middle is None:
@@ -157,18 +166,18 @@ class PhysicsLearner:
             ends = []
             for sign in (-1.0, 1.0):
                 change = np.zeros(16)
-                change[i] = sign * (STEPS[i] if i < 14 else FACTOR_STEP)
-                ends.append(after(change[:14], change[14:]))
+                change[i] = sign * (DIFFERENCE_STEPS[i] if i < 14 else FACTOR_STEP)
+                ends.append(after(change[:14], change[CHANGED_RUBBER]))
             if ends[0] is None or ends[1] is None:
                 return None
-            columns.append((ends[1] - ends[0]) / (2.0 * (STEPS[i] if i < 14 else FACTOR_STEP)))
+            columns.append((ends[1] - ends[0]) / (2.0 * (DIFFERENCE_STEPS[i] if i < 14 else FACTOR_STEP)))
         jacobian = np.array(columns).T
-        spread = np.zeros((16, 16))
-        spread[:9, :9] = ball.covariance
-        spread[9:12, 9:12] = np.eye(3) * self.params.racket_velocity**2
-        spread[12:14, 12:14] = np.eye(2) * self.params.racket_angle**2
-        spread[14:, 14:] = self._covariance[OF_RUBBER, OF_RUBBER] + np.diag(self._ball[OF_RUBBER] ** 2)
-        return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ spread @ jacobian.T), jacobian[:, 14:])
+        inputs = np.zeros((16, 16))
+        inputs[CHANGED_BALL, CHANGED_BALL] = ball.covariance
+        inputs[CHANGED_VELOCITY, CHANGED_VELOCITY] = np.eye(3) * self.params.racket_velocity**2
+        inputs[CHANGED_ANGLES, CHANGED_ANGLES] = np.eye(2) * self.params.racket_angle**2
+        inputs[CHANGED_RUBBER, CHANGED_RUBBER] = self._covariance[OF_RUBBER, OF_RUBBER] + np.diag(self._ball[OF_RUBBER] ** 2)
+        return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ inputs @ jacobian.T), jacobian[:, CHANGED_RUBBER])
 
     def add_return(self, expected: ExpectedReturn, seen: BallState) -> bool:
         """Learn the factors of the rubber from a return.
@@ -204,8 +213,8 @@ class PhysicsLearner:
         """
         step, gained = gain @ change, gain @ (before - after) @ gain.T
         expected = np.diag(gained)
-        told = expected > 1e-4 * self._session**2  # of the others nothing is learnt
-        if (step[told] ** 2 > self.params.gate * expected[told]).any():
+        informative = expected > 1e-4 * self._session**2  # of the others nothing is learnt
+        if (step[informative] ** 2 > self.params.gate * expected[informative]).any():
             return False
         covariance = self._covariance - gained + np.diag((self.params.drift * self._session) ** 2)
         values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))

@@ -17,7 +17,7 @@ from .rollout import StopRule, rollout
 from .uncertainty import uncertainty
 
 PAST = NET_X - 2.0 * BALL_RADIUS  # m, x at which a ball has passed the net
-NEAR = 0.08  # m above the tape; the probability of a touch is not computed for a path that passes the net higher than this
+TOUCH_HEIGHT = 0.08  # m above the tape; the probability of a touch is not computed for a path that passes the net higher than this
 CERTAIN = 0.99  # probability of a touch above which the path ends at the net
 
 
@@ -72,4 +72,4 @@ def _is_near(path: BallPath) -> bool:
     if path.ended is PathEnd.NET:
         return True
     at = int(np.argmax(path.positions[:, 0] <= NET_X))
-    return path.positions[0, 0] > NET_X >= path.positions[at, 0] and float(path.positions[at, 2]) < NET_HEIGHT + BALL_RADIUS + NEAR
+    return path.positions[0, 0] > NET_X >= path.positions[at, 0] and float(path.positions[at, 2]) < NET_HEIGHT + BALL_RADIUS + TOUCH_HEIGHT

@@ -20,7 +20,7 @@ from tt_core.params import check, param
 from tt_core.priority import RESPONSE
 from tt_core.ros.convert import ball_from_message, path_to_message, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_PHYSICS, LARGEST_STATE, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE
@@ -33,8 +33,6 @@ from .state_selection import StateSelection, StateSelectionParams
 from .uncertainty import uncertainty
 
 UNCERTAIN = 0.1  # s, least time between two states for which the uncertainty at the end of the path is computed
-LARGEST_STATE = 4096  # bytes: a state has 730
-LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
 
 class PredictLine(Enum):

@@ -14,9 +14,9 @@ from tt_core.constants import BALL_RADIUS, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError, check_array
 from tt_core.ros.bags import Bag
 
-FEWEST = 12  # least number of points of a flight; shorter ones are dropped
+LEAST_FLIGHT_POINTS = 12  # least number of points of a flight; shorter ones are dropped
 ODOMETRY = "nav_msgs/msg/Odometry"
-GAP = 0.1  # s without a point, after which another flight begins
+FLIGHT_GAP = 0.1  # s without a point, after which another flight begins
 AIMY_CONTACT = 0.759  # m, height of the ball's centre at its bounce, in the files
 
 
@@ -107,7 +107,7 @@ def bag(path: Path, topic: str) -> list[Flight]:
 
     Returns:
         The flights, one group named after the bag. A flight ends where the velocity in x changes its sign, or where there is no message for
-        more than GAP seconds. The spin of a flight is that of its first message.
+        more than FLIGHT_GAP seconds. The spin of a flight is that of its first message.
 
     Raises:
         BagError: The bag cannot be read.
@@ -133,17 +133,17 @@ def cut(rows: npt.NDArray[Any], group: str) -> list[Flight]:
         group: Name of the group to which the flights belong.
 
     Returns:
-        The flights of at least FEWEST points. A new one begins where the velocity in x changes its sign, or after more than GAP seconds
-        without a row.
+        The flights of at least LEAST_FLIGHT_POINTS points. A new one begins where the velocity in x changes its sign, or after more than
+        FLIGHT_GAP seconds without a row.
     """
     rows = rows[np.concatenate([[True], np.diff(rows["time"]) > 0.0])] if len(rows) else rows
-    new = np.flatnonzero((np.diff(rows["time"]) > GAP) | (np.diff(np.sign(rows["velocity_x"])) != 0.0)) + 1
+    new = np.flatnonzero((np.diff(rows["time"]) > FLIGHT_GAP) | (np.diff(np.sign(rows["velocity_x"])) != 0.0)) + 1
     pieces: Iterable[npt.NDArray[Any]] = np.split(rows, new)
-    long = [piece for piece in pieces if len(piece) >= FEWEST and piece["velocity_x"][0] < 0.0]
+    long = [piece for piece in pieces if len(piece) >= LEAST_FLIGHT_POINTS and piece["velocity_x"][0] < 0.0]
     return [Flight(group, piece["time"], piece["position"], piece["spin"][0]) for piece in long]
 
 
-def load(path: Path, topic: str) -> list[Flight]:
+def load_flights(path: Path, topic: str) -> list[Flight]:
     """Read all recorded flights from a folder of *.hdf5 files of the aimy ball launcher, or from a bag.
 
     Args:
@@ -160,5 +160,5 @@ def load(path: Path, topic: str) -> list[Flight]:
     """
     flights = aimy(path) if path.is_dir() and any(path.glob("*.hdf5")) else bag(path, topic)
     if not flights:
-        raise NoRecordedFlight(path, f"flight of at least {FEWEST} points on {topic}")
+        raise NoRecordedFlight(path, f"flight of at least {LEAST_FLIGHT_POINTS} points on {topic}")
     return flights

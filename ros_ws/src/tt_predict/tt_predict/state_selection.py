@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from tt_core.arrays import SPIN
+from tt_core.ball_change import BallChange
 from tt_core.params import check, param
 from tt_core.states import BallState
-
-BACK = 0.3  # m; a state at an x larger by this than the previous one belongs to another ball
-GAP = 0.5  # s without a state, after which the next state belongs to another ball
 
 
 @dataclass(frozen=True)
@@ -48,18 +46,17 @@ class StateSelection:
     def __init__(self, params: StateSelectionParams) -> None:
         """Create it without a ball."""
         self._params = params
-        self._first = self._last = self._predicted = -math.inf  # s: of the first, last, and last predicted state
-        self._x = -math.inf  # m, where the ball was last
+        self._first = self._predicted = -math.inf  # s: of the ball's first state, and of the last predicted one
+        self._change = BallChange()
 
     def takes(self, ball: BallState) -> bool:
         """Return whether a path is to be predicted from this state, and remember the state.
 
         Call it with every state of a ball, in the order of time.
         """
-        params, x = self._params, float(ball.position[0])
-        if x > self._x + BACK or not self._last <= ball.time <= self._last + GAP:
+        params = self._params
+        if self._change.is_new(ball.time, float(ball.position[0])):
             self._first, self._predicted = ball.time, -math.inf
-        self._last, self._x = ball.time, x
         is_new = ball.time - self._predicted >= params.interval
         if not is_new or not (self._knows_spin(ball) or ball.time >= self._first + params.patience):
             return False

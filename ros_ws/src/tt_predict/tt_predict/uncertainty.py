@@ -1,8 +1,8 @@
 """Uncertainty of a predicted ball: propagation of its covariance through flight and bounce by sigma points (sample states).
 
 After a bounce, a ball that grips the table moves so differently from one that slips on it that the usual 2 n sigma points give a covariance
-that is wrong by a third. So POINTS sample states are used instead. They are drawn once from the normal distribution with a fixed seed, and
-corrected so that their mean and covariance are exact. The exact path of each of them is computed.
+that is wrong by a third. So SIGMA_POINTS sample states are used instead. They are drawn once from the normal distribution with a fixed
+seed, and corrected so that their mean and covariance are exact. The exact path of each of them is computed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tt_core.states import BallState
 
 from .rollout import StopRule
 
-POINTS = 256  # number of sigma points
+SIGMA_POINTS = 256  # number of sigma points
 SEED = 1  # seed of the points; with it, standard deviations are within 0.6 % of those of 40,000 points in 95 % of 225 cases
 _ROWS = 4096  # largest number of points of one path
 
@@ -102,15 +102,15 @@ def _ends_entry(points: Array, start: float, kind: int, x: float, longest: float
 
 @cache
 def _unit_points() -> Array:
-    """Return (POINTS, 9) points with mean 0 and the unit matrix as covariance, symmetric about 0."""
-    half = np.random.default_rng(SEED).standard_normal((POINTS // 2, 9))
+    """Return (SIGMA_POINTS, 9) points with mean 0 and the unit matrix as covariance, symmetric about 0."""
+    half = np.random.default_rng(SEED).standard_normal((SIGMA_POINTS // 2, 9))
     points = np.concatenate([half, -half])
-    root = np.linalg.cholesky(points.T @ points / POINTS)
+    root = np.linalg.cholesky(points.T @ points / SIGMA_POINTS)
     return np.linalg.solve(root, points.T).T
 
 
 def sigma_points(ball: BallState) -> Array:
-    """Return (POINTS, 9) sample states (position m, velocity m/s, spin rad/s) whose mean and covariance are exactly those of the ball.
+    """Return (SIGMA_POINTS, 9) states (position m, velocity m/s, spin rad/s) whose mean and covariance are exactly those of the ball.
 
     Raises:
         NoCovariance: The ball has no covariance.
@@ -173,10 +173,10 @@ def covariances(ball: BallState, physics: Physics, times: Array) -> Array:
 
 def _uncertainty(points: Array, start: float, physics: Physics, stop: StopRule) -> Uncertainty | None:
     """Return mean and covariance at the stop rule for sigma points (n, 9) that start at the time `start` (s); None if none meets it."""
-    ends = np.empty((POINTS, 10))
+    ends = np.empty((SIGMA_POINTS, 10))
     n = _ends_entry(points, start, int(stop.kind), stop.value, stop.longest(start), physics.coefficients, ends)
     if n == 0:
         return None
     mean = ends[:n].mean(axis=0)
     off = ends[:n] - mean
-    return Uncertainty(mean, off.T @ off / n, n / POINTS)
+    return Uncertainty(mean, off.T @ off / n, n / SIGMA_POINTS)

@@ -27,7 +27,7 @@ from .solution import (
     check_question,
     failed,
     goal_numbers,
-    is_possible,
+    is_usable_velocity,
     with_racket,
 )
 
@@ -80,7 +80,7 @@ def sam_stroke(ball: Ball, goal: Goal, physics: PhysicsCoefficients, out: Array)
     velocity, target = after[VELOCITY], np.array([goal.landing_x, goal.landing_y, contact])
     after[POSITION] = ball.position
     sam_velocity(ball.position, target, goal, physics.air, velocity)
-    if not is_possible(ball, velocity):
+    if not is_usable_velocity(ball, velocity):
         return failed(NO_SOLUTION, np.inf, np.inf, 0)
     spin_after(ball.velocity, ball.spin, velocity, goal.spin_y, goal.spin_z, after[SPIN])
     end = np.empty(9)

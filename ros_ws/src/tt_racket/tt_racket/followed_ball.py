@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 
+from tt_core.ball_change import BallChange
 from tt_core.states import BallPath, ReturnGoal
 
 from .goal import GoalParams, default_goal
 
-SETTLED = 0.1  # s after the first path of a ball, after which its default goal is kept: the first estimates of the spin are rough
-BACK = 0.3  # m; a path that begins at an x larger by this than the previous path belongs to another ball
-GAP = 0.5  # s without a path, after which the next path belongs to another ball
+GOAL_SETTLING_TIME = 0.1  # s after the first path of a ball, after which its goal is kept: the first estimates of the spin are rough
 UNSURE = 0.02  # s by which a bounce may happen before the time that the previous path predicted
 
 
@@ -25,26 +24,25 @@ class FollowedBall:
         """Create it without a ball."""
         self.bounced = False
         self._goal: ReturnGoal | None = None
-        self._first = self._last = self._bounce = -math.inf  # s: of its first and last path, and of its bounce
-        self._x = -math.inf  # m, where the last path began
+        self._first = self._bounce = -math.inf  # s: of its first path, and of its bounce
+        self._change = BallChange()
 
     def follow(self, path: BallPath, params: GoalParams, asked: ReturnGoal | None = None) -> ReturnGoal:
         """Take the next predicted path, update `bounced`, and return the goal of the ball's return.
 
-        The default goal may change with the estimated spin during the first SETTLED seconds of a ball, and is then kept.
+        The default goal may change with the estimated spin during the first GOAL_SETTLING_TIME seconds of a ball, and is then kept.
 
         Args:
             path: Predicted flight from a newer state of the same ball, or of another ball.
             params: Default goal for each kind of spin.
             asked: A goal that a user has asked for, which replaces the default goal; None for none.
         """
-        start, x = float(path.times[0]), float(path.positions[0, 0])
-        if x > self._x + BACK or not self._last <= start <= self._last + GAP:
+        start = float(path.times[0])
+        if self._change.is_new(start, float(path.positions[0, 0])):
             self._goal, self._first, self._bounce = None, start, math.inf
         if path.bounces:
             self._bounce = path.bounces[0].time
         self.bounced = not path.bounces and start > self._bounce - UNSURE
-        self._last, self._x = start, x
-        if self._goal is None or start < self._first + SETTLED:
+        if self._goal is None or start < self._first + GOAL_SETTLING_TIME:
             self._goal = default_goal(path.spins[0], params)
         return asked or self._goal

@@ -21,9 +21,9 @@ from tt_core.states import BallState, ReturnGoal
 
 from .stroke import Stroke, solve
 
-HALVINGS = 5  # of the last step of a search
+AMOUNT_HALVINGS = 5  # of the last step of a search
 SHORTEST_FLIGHT, LONGEST_FLIGHT = 0.1, 3.0  # s, flight times that are tried
-DIRECTIONS = 8  # in which other landings are tried
+LANDING_DIRECTIONS = 8  # in which other landings are tried
 
 
 class GoalPart(Flag):
@@ -171,7 +171,7 @@ def _lines(part: GoalPart, ball: BallState, base: Array, params: RelaxationParam
         amounts = list(np.arange(1, round(params.time_most / params.time_step) + 1) * params.time_step)
         return [_Line(part, base, np.array([0.0, 0.0, sign, 0.0, 0.0]), 1.0, amounts) for sign in (-1.0, 1.0)]
     amounts = list(np.arange(1, round(params.place_most / params.place_step) + 1) * params.place_step)
-    angles = np.arange(DIRECTIONS) * 2.0 * math.pi / DIRECTIONS
+    angles = np.arange(LANDING_DIRECTIONS) * 2.0 * math.pi / LANDING_DIRECTIONS
     return [_Line(part, base, np.array([math.cos(a), math.sin(a), 0.0, 0.0, 0.0]), 1.0, amounts) for a in angles]
 
 
@@ -183,7 +183,7 @@ def _nearest(line: _Line, i: int, ball: BallState, physics: Physics, racket_spee
     if stroke.racket is None:
         return None
     low, best = (line.amounts[i - 1] if i else 0.0), (line.amounts[i], goal, stroke)
-    for _ in range(HALVINGS):
+    for _ in range(AMOUNT_HALVINGS):
         middle = 0.5 * (low + best[0])
         nearer = _goal_at(line, middle)
         if nearer and (stroke := solve(ball, nearer, physics, racket_speed=racket_speed)).racket:
@@ -224,28 +224,24 @@ def relax_part(
     return Return(ball, found[0], found[1], Relaxation.between(goal, found[0], flag)) if found else None
 
 
-def relax_goal(
-    ball: BallState, goal: ReturnGoal, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf
-) -> Return:
-    """Find a stroke that meets the goal as asked, or else the nearest relaxed goal that has a stroke.
+def relax_goal(asked: Return, physics: Physics, params: RelaxationParams | None = None, racket_speed: float = math.inf) -> Return:
+    """Find the relaxed goal nearest to an asked one for which there is no stroke.
 
     First one part of the goal is given up (changed), in the order of `params.order`. If no single part helps and spin is in the order, time
     or place is changed together with the spin: first with the spin that the ball already has, then without spin.
 
     Args:
-        ball: Ball just before the hit.
-        goal: The asked goal.
+        asked: Ball and asked goal, with the result of `stroke.solve` for them.
         physics: Models of air, table and racket.
         params: Order, steps and bounds of the search; None for the default.
         racket_speed: m/s, highest speed of the racket.
 
     Returns:
-        The return. If no relaxed goal has a stroke either, it has the asked goal, and its stroke has no racket but the reason.
+        The return with the relaxed goal; `asked` if it has a stroke, or if no relaxed goal has one.
     """
-    params = params or RelaxationParams()
-    asked = Return(ball, goal, solve(ball, goal, physics, racket_speed=racket_speed))
     if asked.stroke.racket:
         return asked
+    params, ball, goal = params or RelaxationParams(), asked.ball, asked.goal
     for part in params.order:
         if (relaxed := relax_part(part, ball, goal, physics, params, racket_speed)) is not None:
             return relaxed

@@ -165,7 +165,7 @@ def intercept(
     returns = [one for one in tried if one.stroke.racket is not None]
     refused = tuple((one.ball, one.stroke.reason) for one in tried if one.stroke.reason is not None)
     if not returns:
-        returns = relaxed(balls, goal, physics, params, relaxation)
+        returns = relaxed(tried, physics, params, relaxation)
     returns = ordered(returns, physics, params, relaxation, errors)
     if params.fallback_time and balls:
         returns[params.as_asked : params.as_asked] = with_other_time(balls, goal, physics, params)
@@ -243,20 +243,16 @@ def with_other_time(balls: Sequence[BallState], goal: ReturnGoal, physics: Physi
     return found[:MOST_FALLBACK]
 
 
-def relaxed(
-    balls: Sequence[BallState], goal: ReturnGoal, physics: Physics, params: InterceptParams, relaxation: RelaxationParams
-) -> list[Return]:
+def relaxed(asked: Sequence[Return], physics: Physics, params: InterceptParams, relaxation: RelaxationParams) -> list[Return]:
     """Relax the goal (give up a part of it) for some of the balls, and return the returns that have a stroke.
 
     Args:
-        balls: States of the ball in which it may be hit. About `params.relaxed` of them are used, at regular intervals.
-        goal: The asked goal.
+        asked: Balls with the asked goal, as `as_asked` returns them. About `params.relaxed` of them are used, at regular intervals.
         physics: Models of air, table and racket.
         params: Number of balls to use, and highest racket speed.
         relaxation: Order, steps and bounds of what is given up.
     """
-    some = balls[:: max(1, len(balls) // params.relaxed)]
-    found = (relax_goal(ball, goal, physics, relaxation, params.racket_speed) for ball in some)
+    found = (relax_goal(one, physics, relaxation, params.racket_speed) for one in asked[:: max(1, len(asked) // params.relaxed)])
     return [one for one in found if one.stroke.racket is not None]
 
 

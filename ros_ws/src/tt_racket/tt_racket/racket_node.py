@@ -17,7 +17,7 @@ from tt_core.priority import RESPONSE
 from tt_core.robots import read_arm
 from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_PATH, LARGEST_PHYSICS, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
@@ -30,10 +30,6 @@ from .goal_relaxation import RelaxationParams
 from .intercept import InterceptParams, intercept
 from .sensitivity import StrikeErrorParams, landing_rms
 from .stroke import solve
-
-LARGEST_PATH = 2**19  # bytes: 2000 points have 270 kB
-LARGEST_GOAL = 4096  # bytes: one point has 200
-LARGEST_PHYSICS = 1 << 15  # bytes: learnt coefficients have 3,000
 
 
 class RacketLine(Enum):

@@ -11,7 +11,7 @@ from tt_core.constants import BALL_RADIUS, NET_HEIGHT, NET_X, TABLE_WIDTH
 from tt_core.flight import AirCoefficients, ease, step
 from tt_core.table_contacts import meets_net, meets_surface
 
-from .solution import CLEAR, EARLY, NET, OWN_HALF, SIDEWAYS
+from .solution import CLEAR, EARLY, NET_HIT, OWN_HALF, SIDEWAYS
 
 FINE_STEP = 0.08  # s, longest integration step of the flight that decides on the exactness of a stroke: an error of 6e-8 m at most
 FINE_WAY = 0.6  # m, longest way that the ball flies in such a step
@@ -40,7 +40,7 @@ def fly_return(after: Array, flight_time: float, air: AirCoefficients, contact: 
         work: (8, 3) scratch memory.
 
     Returns:
-        The obstacle, a constant of `solution`, and its amount. CLEAR: 0. NET: m by which the ball is too low to pass over the net.
+        The obstacle, a constant of `solution`, and its amount. CLEAR: 0. NET_HIT: m by which the ball is too low to pass over the net.
         SIDEWAYS: m beside the table. OWN_HALF and EARLY: s by which the ball touches the table before the flight time has passed.
     """
     trial, now = np.empty(9), after.copy()
@@ -53,7 +53,7 @@ def fly_return(after: Array, flight_time: float, air: AirCoefficients, contact: 
         step(now, h, air, end, work)
         if met == CLEAR and now[X] - BALL_RADIUS < NET_X < end[X] + BALL_RADIUS:
             if meets_net(now, end, h, air, trial, work) < np.inf:
-                met, missing = NET, NET_HEIGHT + BALL_RADIUS - trial[Z]
+                met, missing = NET_HIT, NET_HEIGHT + BALL_RADIUS - trial[Z]
             elif now[X] < NET_X <= end[X]:
                 y = now[Y] + (end[Y] - now[Y]) * (NET_X - now[X]) / (end[X] - now[X])
                 beside = max(-y, y - TABLE_WIDTH)

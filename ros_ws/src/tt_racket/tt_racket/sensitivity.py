@@ -15,12 +15,12 @@ from tt_core.params import check, param
 from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
 from tt_core.states import BallState
 
-from .shooting import COARSE_STEP
+from .shooting import COARSE_FLIGHT_STEP
 from .stroke import Stroke
 
 # elements of a strike (11,), the quantities at the hit that have errors: racket velocity m/s, alpha and beta rad, ball velocity m/s and
 # spin rad/s
-RACKET_VELOCITY, ALPHA, BETA, BALL_VELOCITY, BALL_SPIN = slice(0, 3), 3, 4, slice(5, 8), slice(8, 11)
+STRIKE_VELOCITY, ALPHA, BETA, BALL_VELOCITY, BALL_SPIN = slice(0, 3), 3, 4, slice(5, 8), slice(8, 11)
 STRIKE_SIZE = 11
 
 
@@ -72,8 +72,8 @@ def _land(
     alpha, beta = strike[ALPHA], strike[BETA]
     ball[POSITION], ball[VELOCITY], ball[SPIN] = position, strike[BALL_VELOCITY], strike[BALL_SPIN]
     normal[0], normal[1], normal[2] = math.sin(beta) * math.cos(alpha), -math.sin(alpha), math.cos(beta) * math.cos(alpha)
-    rebound_racket(ball[VELOCITY], ball[SPIN], strike[RACKET_VELOCITY], normal, physics.racket)
-    fly_into(ball, flight_time, physics.air, COARSE_STEP, ball, work)
+    rebound_racket(ball[VELOCITY], ball[SPIN], strike[STRIKE_VELOCITY], normal, physics.racket)
+    fly_into(ball, flight_time, physics.air, COARSE_FLIGHT_STEP, ball, work)
     return ball[X] - ball[Z] * ball[VX] / ball[VZ], ball[Y] - ball[Z] * ball[VY] / ball[VZ]
 
 
@@ -120,7 +120,7 @@ def _landing_rms_entry(
 ) -> float:
     """Return the root mean square of `landing_covariance` in m, for arguments from Python: the ball, the racket, alpha and beta."""
     strike = np.empty(STRIKE_SIZE)
-    strike[RACKET_VELOCITY], strike[BALL_VELOCITY], strike[BALL_SPIN] = racket_velocity, velocity, spin
+    strike[STRIKE_VELOCITY], strike[BALL_VELOCITY], strike[BALL_SPIN] = racket_velocity, velocity, spin
     strike[ALPHA], strike[BETA] = angles
     covariance = landing_covariance(position, strike, sigmas, flight_time, physics_coefficients(physics))
     return math.sqrt(covariance[0, 0] + covariance[1, 1])

@@ -18,12 +18,24 @@ from tt_core.physics import PhysicsCoefficients, physics_coefficients
 from .dissertation import sam_velocity
 from .impact import spin_after
 from .return_flight import fine_step, fly_return
-from .solution import BALL_AFTER, CLEAR, NO_SOLUTION, Ball, Goal, Solution, check_question, failed, goal_numbers, is_possible, with_racket
+from .solution import (
+    BALL_AFTER,
+    CLEAR,
+    NO_SOLUTION,
+    Ball,
+    Goal,
+    Solution,
+    check_question,
+    failed,
+    goal_numbers,
+    is_usable_velocity,
+    with_racket,
+)
 
-TOLERANCE = 3e-8  # m, largest landing error of a solution
-COARSE_STEP = 0.3  # s, longest integration step of the coarse flights, which are 1e-5 m inexact
-COARSE = 1e-3  # m, landing error of the coarse flight below which its difference from the exact flight is computed
-FINE = 2e-8  # m, distance between coarse flight and moved aim below which an exact flight is tried
+LANDING_TOLERANCE = 3e-8  # m, largest landing error of a solution
+COARSE_FLIGHT_STEP = 0.3  # s, longest integration step of the coarse flights, which are 1e-5 m inexact
+COARSE_TOLERANCE = 1e-3  # m, landing error of the coarse flight below which its difference from the exact flight is computed
+FINE_TOLERANCE = 2e-8  # m, distance between coarse flight and moved aim below which an exact flight is tried
 MOST_CORRECTIONS = 40
 
 
@@ -83,7 +95,8 @@ def shoot(ball: Ball, goal: Goal, physics: PhysicsCoefficients, most: int, out: 
         ball: Ball just before the hit.
         goal: Asked landing place, flight time and spin of the return.
         physics: Models of air, table and racket.
-        most: Largest number of corrections of the velocity. With fewer than MOST_CORRECTIONS a residual over TOLERANCE is no failure.
+        most: Largest number of corrections of the velocity. With fewer than MOST_CORRECTIONS a residual over LANDING_TOLERANCE is no
+            failure.
         out: (18,) output: filled with the ball after the hit and the racket, in the order of `solution`.
 
     Returns:
@@ -102,23 +115,23 @@ def shoot(ball: Ball, goal: Goal, physics: PhysicsCoefficients, most: int, out: 
         position[k], aim[k] = ball.position[k], target[k]
     drag = sam_velocity(ball.position, target, goal, air, velocity)
     inverse = _first_inverse(velocity, goal, drag, air.lift)
-    tolerance, n = COARSE, 0
+    tolerance, n = COARSE_TOLERANCE, 0
     while True:
-        if not is_possible(ball, velocity):
+        if not is_usable_velocity(ball, velocity):
             return failed(NO_SOLUTION, np.inf, np.inf, n)
         spin_after(ball.velocity, ball.spin, velocity, goal.spin_y, goal.spin_z, spin)
         last[:] = coarse
-        fly_into(after, flight_time, air, COARSE_STEP, coarse, work)
+        fly_into(after, flight_time, air, COARSE_FLIGHT_STEP, coarse, work)
         if n > 0:
             _update_inverse(inverse, moved, coarse, last, step, row)
         if _distance(coarse, aim) < tolerance or n >= most:
-            if tolerance == COARSE and n < most:
+            if tolerance == COARSE_TOLERANCE and n < most:
                 fly_into(after, flight_time, air, fine_step(velocity), fine, work)
-                tolerance = FINE
+                tolerance = FINE_TOLERANCE
             else:
                 obstacle, missing = fly_return(after, flight_time, air, contact, fine, work)
                 residual = _distance(fine, target)
-                if residual < TOLERANCE or n >= most:
+                if residual < LANDING_TOLERANCE or n >= most:
                     break
             for k in range(3):
                 aim[k] = target[k] - (fine[k] - coarse[k])
@@ -127,7 +140,7 @@ def shoot(ball: Ball, goal: Goal, physics: PhysicsCoefficients, most: int, out: 
         for i in range(3):
             velocity[i] += moved[i]
         n += 1
-    if residual >= TOLERANCE and most == MOST_CORRECTIONS:
+    if residual >= LANDING_TOLERANCE and most == MOST_CORRECTIONS:
         return failed(NO_SOLUTION, residual, residual, n)
     flown = Solution(obstacle, missing, residual, n, np.inf, 0.0, 0.0)
     return with_racket(ball, physics.racket, contact, flown, out)

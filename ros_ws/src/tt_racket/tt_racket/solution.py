@@ -17,13 +17,13 @@ from tt_core.constants import NET_X, TABLE_LENGTH, TABLE_WIDTH
 from .impact import racket_for
 
 # obstacles: why kernels find no stroke, or CLEAR; `stroke` turns them into members of StrokeFailure
-(CLEAR, LANDING_ASIDE, BALL_LEAVES, BALL_BEYOND_NET, NO_SOLUTION, TOO_MUCH_SPIN, NET, OWN_HALF, SIDEWAYS, EARLY) = range(10)
+(CLEAR, LANDING_ASIDE, BALL_LEAVES, BALL_BEYOND_NET, NO_SOLUTION, TOO_MUCH_SPIN, NET_HIT, OWN_HALF, SIDEWAYS, EARLY) = range(10)
 
 # parts of the array (18,) that a kernel fills with a stroke: ball just after the hit (position m, velocity m/s, spin rad/s), then the
 # racket's velocity m/s, unit face normal and position m, all in `table`
-BALL_AFTER, RACKET_VELOCITY, NORMAL, RACKET_POSITION = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18)
+BALL_AFTER, RACKET_VELOCITY, RACKET_NORMAL, RACKET_POSITION = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18)
 STROKE_SIZE = 18
-FASTEST = 60.0  # m/s, largest sum of the absolute velocities on the axes after the hit; a search that exceeds it diverges
+DIVERGED_SPEED = 60.0  # m/s, largest sum of the absolute velocities on the axes after the hit; a search that exceeds it diverges
 
 
 class Ball(NamedTuple):
@@ -117,7 +117,7 @@ def with_racket(ball: Ball, rubber: RacketCoefficients, contact: float, flown: S
     Returns:
         `flown` with share and angles of the racket; or a solution with TOO_MUCH_SPIN if the rubber cannot give the asked spin.
     """
-    after, normal, position = out[BALL_AFTER], out[NORMAL], out[RACKET_POSITION]
+    after, normal, position = out[BALL_AFTER], out[RACKET_NORMAL], out[RACKET_POSITION]
     share = racket_for(ball.velocity, ball.spin, after[VELOCITY], after[SPIN], rubber, out[RACKET_VELOCITY], normal)
     if share > 1.0:
         return Solution(TOO_MUCH_SPIN, share - 1.0, flown.residual, flown.corrections, share, 0.0, 0.0)
@@ -128,11 +128,11 @@ def with_racket(ball: Ball, rubber: RacketCoefficients, contact: float, flown: S
 
 
 @njit(cache=True)
-def is_possible(ball: Ball, velocity: Array) -> bool:
+def is_usable_velocity(ball: Ball, velocity: Array) -> bool:
     """Tell whether a velocity (3,) m/s after the hit is usable in a search.
 
     It must differ in x from the ball's velocity before the hit, because otherwise (4.16) of the dissertation gives no spin, and the sum of
-    its absolute components must be less than FASTEST.
+    its absolute components must be less than DIVERGED_SPEED.
     """
     differs = not abs(velocity[0] - ball.velocity[0]) < 1e-6
-    return differs and abs(velocity[0]) + abs(velocity[1]) + abs(velocity[2]) < FASTEST
+    return differs and abs(velocity[0]) + abs(velocity[1]) + abs(velocity[2]) < DIVERGED_SPEED

@@ -19,7 +19,7 @@ from .failures import StrokeFailure
 from .shooting import MOST_CORRECTIONS, shoot_entry
 from .solution import BALL_AFTER, CLEAR, RACKET_POSITION, RACKET_VELOCITY, STROKE_SIZE
 
-METHODS = ("exact", "sam")
+STROKE_METHODS = ("exact", "sam")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +69,7 @@ def _failure(obstacle: int, missing: float, share: float, ball: BallState, goal:
         return Failure(StrokeFailure.NO_SOLUTION, flight_time=goal.flight_time)
     if obstacle == solution.TOO_MUCH_SPIN:
         return Failure(StrokeFailure.TOO_MUCH_SPIN, share=share)
-    if obstacle == solution.NET:
+    if obstacle == solution.NET_HIT:
         return Failure(StrokeFailure.NET, low=missing)
     if obstacle == solution.SIDEWAYS:
         return Failure(StrokeFailure.SIDEWAYS, beside=missing)
@@ -113,7 +113,7 @@ def solve(
     elif method == "sam":
         verdict, accuracy, angles = sam_stroke_entry(position, velocity, spin, goal.vector, physics.coefficients, out)
     else:
-        raise BadChoice("method", method, METHODS)
+        raise BadChoice("method", method, STROKE_METHODS)
     (obstacle, missing, share), (residual, made) = verdict, accuracy
     if obstacle != CLEAR:
         return Stroke(None, None, residual, made, _failure(obstacle, missing, share, ball, goal), missing, share)

@@ -15,8 +15,8 @@ from tt_core.states import BallState
 from .cameras.render_worker import DelayedImage, LaunchRenderer, RenderWorker
 
 STORE = 2  # launches rendered ahead if balls are launched at a rate
-QUIET = 0.15  # s after the last image of a ball, in which nothing is rendered, because other nodes measure and plan then
-PAUSE = 0.02  # s between two checks whether a launch must be rendered
+RENDERING_PAUSE = 0.15  # s after the last image of a ball, in which nothing is rendered, because other nodes measure and plan then
+STORE_CHECK_INTERVAL = 0.02  # s between two checks whether a launch must be rendered
 
 
 class ReadyImage(NamedTuple):
@@ -117,10 +117,10 @@ class LaunchStore:
             render: Called to render the next launch.
         """
         while is_running():
-            if is_wanted() and len(self.ready) < STORE and time.monotonic() > self.last_image + QUIET:
+            if is_wanted() and len(self.ready) < STORE and time.monotonic() > self.last_image + RENDERING_PAUSE:
                 render()
             else:
-                time.sleep(PAUSE)
+                time.sleep(STORE_CHECK_INTERVAL)
 
     def close(self) -> None:
         """End the process that renders."""

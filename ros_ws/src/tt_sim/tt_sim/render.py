@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 from scipy.special import ndtri
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS
 from tt_core.errors import OutOfRange, check_array, check_range
 from tt_core.so3 import rotation_matrix
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_vision.camera import Camera
 from tt_vision.projection import project_point, ray, to_camera, unpack_camera
 
@@ -31,9 +32,8 @@ ROW = 2 * SAMPLES  # columns of the table of ray times, which holds them twice, 
 ZERO, HALF, ONE, TWO = (np.float32(x) for x in (0.0, 0.5, 1.0, 2.0))  # a plain number would make all double
 GOLDEN = (np.outer([0.7548776662466927, 0.5698402909980532], np.arange(1, SAMPLES + 1)) % 1.0).astype(np.float32)  # sub-pixel places
 LEVELS = 1 << 16
-NORMAL = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)  # a normal draw for each of as many even ones, up to 4.3 sigma
-
-Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+STRENGTH = 3  # column of a lamp's strength, after its position
+NORMAL_DRAWS = ndtri((np.arange(LEVELS) + 0.5) / LEVELS).astype(np.float32)  # a normal draw for each of as many even ones, up to 4.3 sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,7 +398,8 @@ def _lights(camera: np.ndarray, axes: np.ndarray, sources: np.ndarray) -> np.nda
     eye = _pose(camera).eye
     lights = np.empty(sources.shape, dtype=np.float32)
     for k in range(len(sources)):
-        lights[k, :3], lights[k, 3] = axes @ (sources[k, :3] - eye) / BALL_RADIUS, sources[k, 3] / BALL_RADIUS**2
+        lights[k, :3] = axes @ (sources[k, :3] - eye) / BALL_RADIUS
+        lights[k, STRENGTH] = sources[k, STRENGTH] / BALL_RADIUS**2
     return lights
 
 
@@ -495,7 +496,7 @@ def _trace(clear: np.ndarray, box: _Box, rays: _Rays, surface: _Surface, draws: 
                     lobe = lobe * lobe / (TWO - TWO * away)
                     for _ in range(SHARPNESS - 1):
                         lobe *= lobe
-                    grey = lights[k, 3] * near * (work[ALBEDO + i] * facing + shine * lobe)
+                    grey = lights[k, STRENGTH] * near * (work[ALBEDO + i] * facing + shine * lobe)
                     total += grey if (facing > ZERO) & (work[GAP + i] > ZERO) else ZERO
             clear[box.v0 + row, box.u0 + column] = total / np.float32(SAMPLES)
 
@@ -526,7 +527,7 @@ def _expose(image: np.ndarray, clear: np.ndarray, draws: np.ndarray, full_scale:
     """Add shot and read noise as one normal draw, apply gamma, and round; image, clear and draws have one length."""
     shot, floor, most = np.float32(1.0 / full_scale), np.float32((read / full_scale) ** 2), np.float32(top)
     for i in range(len(clear)):
-        clear[i] += NORMAL[draws[i]] * math.sqrt(max(ZERO, clear[i]) * shot + floor)
+        clear[i] += NORMAL_DRAWS[draws[i]] * math.sqrt(max(ZERO, clear[i]) * shot + floor)
     if gamma != 1.0:
         for i in range(len(clear)):
             clear[i] = max(ZERO, clear[i]) ** np.float32(1.0 / gamma)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from tt_arm.joints import Joints
+from tt_core.clock_offsets import CLOCK_ROUNDING
 from tt_core.states import Array, BallState
 
 from .cameras.tracking_cameras import TrackedPixel, TrackingCameraPair, TrackingCameras
@@ -24,9 +25,8 @@ from .world.outcome import Outcome
 from .world.plant import Plant
 from .world_file import WorldParams
 
-PAUSE = 0.25  # s, least time between two reports about the drives
+DRIVE_REPORT_INTERVAL = 0.25  # s, least time between two reports about the drives
 HOLD = 0.005  # s between two checks whether simulated time continues
-ROUNDING = 1e-6  # s; a time of day as float64 is exact to 2.4e-7 s
 RECORD = 1.0  # s between two reports about the arm's record
 MOST_FLYING = 8  # balls at a time; at 94 a minute there are three
 
@@ -118,14 +118,14 @@ class SimLoop:
             pace.follow_system_clock()
             tick_due, frame_due = robot.joints.time + tick, frames.due
             due = min(tick_due, frame_due)
-            if due > self._allowed + ROUNDING:
+            if due > self._allowed + CLOCK_ROUNDING:
                 pace.stand_still(due, HOLD)
                 continue
             pace.sleep_until(due)
             if frame_due <= tick_due:
                 self._publish_frame()
             else:
-                self._tell_time(tick_due)
+                self._publish_clock(tick_due)
                 self._launch(tick_due)
                 self._tick(tick_due)
 
@@ -171,7 +171,7 @@ class SimLoop:
         for side, stamp, message in self._frames.pop():
             self._outputs.publish_image(side, stamp, message)
 
-    def _tell_time(self, now: float) -> None:
+    def _publish_clock(self, now: float) -> None:
         if now >= self._clock_due:
             self._outputs.publish_clock(now)
             self._clock_due = now + 1.0 / self._params.clock_rate
@@ -199,7 +199,7 @@ class SimLoop:
         # while this process was held up, commands could not arrive: their age says nothing, and no joint state is published
         is_late = self._pace.late(due, now) > timeout
         command = drive.command(now, self._params.tick, robot.joints.qdot, -1.0 if is_late else timeout)
-        if drive.braking != self._is_braking and now - self._drive_reported >= PAUSE:
+        if drive.braking != self._is_braking and now - self._drive_reported >= DRIVE_REPORT_INTERVAL:
             self._is_braking, self._drive_reported = drive.braking, now
             outputs.report_drive(drive.braking)
         before = robot.joints

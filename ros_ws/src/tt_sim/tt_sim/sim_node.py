@@ -44,7 +44,7 @@ from tt_core.ros.convert import (
     stamp,
 )
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LOOK, Input
+from tt_core.ros.inputs import PUBLISHER_CHECK_INTERVAL, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
@@ -64,8 +64,8 @@ from .world.outcome import Outcome
 from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
-SWITCH = 5e-4  # s, longest time that the thread of SimLoop waits for another thread of Python
-LARGEST = 4096  # bytes of a command
+THREAD_SWITCH_INTERVAL = 5e-4  # s, longest time that the thread of SimLoop waits for another thread of Python
+LARGEST_COMMAND = 4096  # bytes of a command
 DARK = 8  # grey level of an image without a ball
 
 
@@ -128,16 +128,16 @@ class SimNode(Node):
             "arm_velocity_controller/commands",
             self.on_command,
             NEWEST,
-            largest=LARGEST,
+            largest=LARGEST_COMMAND,
             refused=self.refused,
         )
-        self.create_timer(LOOK, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
         self.create_service(SetBool, "sim/pause", self.on_pause)
         self.create_service(Trigger, "sim/step", self.on_step)
         answer_clock_pings(self)
         warm(plant)
-        sys.setswitchinterval(SWITCH)
+        sys.setswitchinterval(THREAD_SWITCH_INTERVAL)
         threading.Thread(target=self.keep_pace, daemon=True).start()
         threading.Thread(
             target=self.launches.keep_full, args=(self.context.ok, lambda: bool(self.loop.rate), self.render), daemon=True
@@ -206,11 +206,11 @@ class SimNode(Node):
         if sole != self.drive.sole:
             self.drive.sole = sole
             failure = None if sole else Failure(SimFailure.SECOND_PUBLISHER, count=len(names), names=", ".join(sorted(names)))
-            self.tell("commands obeyed: one publisher", failure)
+            self.publish_state("commands obeyed: one publisher", failure)
             if failure is not None:
                 self.status.terminal.warn(failure.code, **failure.values)
 
-    def tell(self, state: str, failure: Failure | None, part: str = "", **values: Any) -> None:
+    def publish_state(self, state: str, failure: Failure | None, part: str = "", **values: Any) -> None:
         """Publish a state of the arm or its commands, or what is wrong with it."""
         code = code_name(failure)
         self.status.publish(str(failure or state), part=part, warn=failure is not None, reason=failure, code=code, **values)
@@ -278,7 +278,7 @@ class SimNode(Node):
 
     def publish_clock(self, now: float) -> None:
         """Publish the simulated time `now` (s) on /clock if a node subscribes to it."""
-        if is_heard(self.clock):
+        if has_subscribers(self.clock):
             self.clock.publish(Clock(clock=stamp(now)))
 
     def publish_ball(self, ball: BallState) -> None:
@@ -303,16 +303,16 @@ class SimNode(Node):
         balls = [ball for contact in tick.contacts for ball in (contact.before, contact.after)]
         if tick.ball is not None:
             balls.append(tick.ball)
-            if is_heard(self.true_racket):
+            if has_subscribers(self.true_racket):
                 racket = tick.racket
                 self.publish(self.true_racket, racket_to_message, tick.joints.time, racket.position, racket.rotation, racket.velocity)
-        if is_heard(self.true_ball):
+        if has_subscribers(self.true_ball):
             for ball in balls:
                 self.publish_ball(ball)
 
     def wants_pixels(self) -> bool:
         """Tell whether any node subscribes to the pixels of the wide cameras."""
-        return any(map(is_heard, self.pixels))
+        return any(map(has_subscribers, self.pixels))
 
     def publish_pixel(self, side: int, stamped: float, pixel: Array) -> None:
         """Publish the pixel of the ball that a wide camera has found.
@@ -326,12 +326,12 @@ class SimNode(Node):
 
     def report_drive(self, is_braking: bool) -> None:
         """Report that the drives brake, or that they obey again."""
-        self.tell("follows commands", Failure(SimFailure.NO_COMMAND) if is_braking else None, "drive")
+        self.publish_state("follows commands", Failure(SimFailure.NO_COMMAND) if is_braking else None, "drive")
         self.status.terminal.info(SimFailure.NO_COMMAND if is_braking else SimLine.FOLLOWS)
 
     def report_record(self, record: ArmRecord) -> None:
         """Report the worst that the true arm did."""
-        self.tell("bounds kept", None if record.kept else Failure(SimFailure.BOUND_BROKEN), "arm record", **record.to_text())
+        self.publish_state("bounds kept", None if record.kept else Failure(SimFailure.BOUND_BROKEN), "arm record", **record.to_text())
 
     def report_end(self, launch: ReadyLaunch, outcome: Outcome) -> None:
         """Report the result of a ball. `busy` is cleared first, because a node that receives the report may request a launch at once."""
@@ -357,7 +357,7 @@ class SimNode(Node):
         publisher.publish(message)
 
 
-def is_heard(publisher: Publisher) -> bool:
+def has_subscribers(publisher: Publisher) -> bool:
     """Tell whether any node subscribes to the publisher's topic."""
     return publisher.get_subscription_count() > 0
 

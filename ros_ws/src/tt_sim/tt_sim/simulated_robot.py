@@ -99,7 +99,7 @@ class SimulatedRobot:
             ball = world.ball
             if outcome.over(ball, now) or now - outcome.launched.time > LONGEST_RALLY:
                 ended.append(outcome)
-        self._flights = [flight for flight in self._flights if not any(flight[1] is outcome for outcome in ended)]
+        self._flights = [(world, flown) for world, flown in self._flights if not any(flown is outcome for outcome in ended)]
         return Tick(self.joints, racket, contacts, ball, tuple(ended))
 
 

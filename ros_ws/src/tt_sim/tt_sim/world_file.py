@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from tt_core.errors import check_range
 from tt_core.physics import Physics
-from tt_core.strict_yaml import build, find, read
+from tt_core.strict_yaml import build, find_file, read_yaml
 
 from .cameras.camera_faults import CameraFaults
 from .cameras.tracking_cameras import TrackingCameraFaults
@@ -68,5 +68,5 @@ def load_world(name: str) -> WorldParams:
     Raises:
         BadFile: The file cannot be read, or a value in it is wrong.
     """
-    file = find(name, WORLDS)
-    return build(WorldParams, read(file), file.name)
+    file = find_file(name, WORLDS)
+    return build(WorldParams, read_yaml(file), file.name)

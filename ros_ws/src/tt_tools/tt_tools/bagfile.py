@@ -18,10 +18,10 @@ from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
-from tt_core.ros.bags import TYPES, BagError
+from tt_core.ros.bags import TYPESTORE, BagError
 
 RESERVE = 64 * 2**20  # bytes of the disk that stay free
-AHEAD = 16 * 2**20  # bytes that are allocated for the file in advance
+ALLOCATED_AHEAD = 16 * 2**20  # bytes that are allocated for the file in advance
 # A crash loses the chunk that is not full yet; each chunk takes 3.5 kB of memory until the end. So chunks grow with the file.
 CHUNK, LARGEST_CHUNK, CHUNK_SHARE = 2**20, 6 * 2**20, 1 / 32  # bytes of messages in a chunk: least, most, and as a share of the file
 PER_MESSAGE, PER_CHUNK, PER_CHUNK_AND_TOPIC = 64, 256, 32  # upper bounds of the bytes in the file beside the data
@@ -79,7 +79,7 @@ class _File(io.BufferedWriter):
         """Allocate at least `size` bytes for the file. Raises OSError if less than the reserve would stay free on the disk."""
         if size > self._allocated:
             try:
-                self._extend(size + AHEAD)
+                self._extend(size + ALLOCATED_AHEAD)
             except OSError:
                 self._extend(size)
 
@@ -216,7 +216,7 @@ class BagFile:
         part.writer.finish()
         part.file.close()
 
-    def add_topic(self, name: str, kind: str, offered: Sequence[Qos], types: Typestore = TYPES) -> None:
+    def add_topic(self, name: str, kind: str, offered: Sequence[Qos], types: Typestore = TYPESTORE) -> None:
         """Add a topic to the bag.
 
         Args:

@@ -10,10 +10,10 @@ from rclpy.signals import SignalHandlerOptions
 from tt_core.errors import TtError
 
 from .graph import discover, services
-from .message_text import from_values, values_of
+from .message_text import message_from_values, values_of
 from .packages import full_name, interface
 
-PATIENCE = 10.0  # s, longest wait for the service to appear
+APPEARANCE_TIMEOUT = 10.0  # s, longest wait for the service to appear
 
 
 def call(service: str, kind: str, values: str, period: float | None = None) -> None:
@@ -32,7 +32,7 @@ def call(service: str, kind: str, values: str, period: float | None = None) -> N
     server = interface(kind)
     if not hasattr(server, "Request"):
         raise TtError("The passed type is not a service")
-    request = from_values(server.Request, values_of(values))
+    request = message_from_values(server.Request, values_of(values))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node("_ros2cli_requester", enable_rosout=False, start_parameter_services=False)
@@ -57,10 +57,10 @@ def call(service: str, kind: str, values: str, period: float | None = None) -> N
 
 
 def _wait(client: Any) -> None:
-    """Wait until a service is ready. Raises TtError after PATIENCE s."""
-    end = time.monotonic() + PATIENCE
+    """Wait until a service is ready. Raises TtError after APPEARANCE_TIMEOUT s."""
+    end = time.monotonic() + APPEARANCE_TIMEOUT
     if not client.service_is_ready():
         print("waiting for service to become available...", flush=True)
     while not client.wait_for_service(0.1):
         if time.monotonic() > end:
-            raise TtError(f"no node has served {client.srv_name} for {PATIENCE:g} s")
+            raise TtError(f"no node has served {client.srv_name} for {APPEARANCE_TIMEOUT:g} s")

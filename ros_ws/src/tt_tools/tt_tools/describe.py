@@ -17,7 +17,7 @@ STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "rosbag_v1"}
 SORTS = ("name", "type", "count")
 
 
-class Description(NamedTuple):
+class BagDescription(NamedTuple):
     """Content of a bag.
 
     Attributes:
@@ -46,7 +46,7 @@ class Description(NamedTuple):
 CAUSES = {"dropped": "because the disk was full or slow", "missed": "by the middleware"}
 
 
-def describe(path: Path, *, sizes: bool = False) -> Description:
+def describe_bag(path: Path, *, sizes: bool = False) -> BagDescription:
     """Return a description of a bag.
 
     Args:
@@ -66,7 +66,7 @@ def describe(path: Path, *, sizes: bool = False) -> Description:
         storage = STORAGES[Path(files[0].name.removesuffix(".zstd")).suffix]
         attachments = [name for file in files if file.suffix == ".mcap" for name in _attachments(file)]
         counted = bytes_of if sizes else {}
-        return Description([f.name for f in files], storage, bag.size, bag.start, bag.end, bag.topics, counted, attachments, losses)
+        return BagDescription([f.name for f in files], storage, bag.size, bag.start, bag.end, bag.topics, counted, attachments, losses)
 
 
 def _attachments(file: Path) -> list[str]:
@@ -78,7 +78,7 @@ def _attachments(file: Path) -> list[str]:
     return [index.name for index in summary.attachment_indexes] if summary else []
 
 
-def lines(found: Description, sort: str = "name") -> Iterator[str]:
+def lines(found: BagDescription, sort: str = "name") -> Iterator[str]:
     """Yield the lines that `ros2 bag info` prints about a bag.
 
     Args:
@@ -108,7 +108,7 @@ def lines(found: Description, sort: str = "name") -> Iterator[str]:
         yield from labelled("Attachments:", found.attachments)
 
 
-def _topic(found: Description, topic: Topic) -> str:
+def _topic(found: BagDescription, topic: Topic) -> str:
     text = f"Topic: {topic.name} | Type: {topic.kind} | Count: {topic.count}"
     if found.sizes:
         text += f" | Size Contribution: {_bytes(found.sizes[topic.name])}"

@@ -19,9 +19,9 @@ from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 DISCOVERY = 2.0  # s, longest wait for discovery: a participant that was just killed is forgotten after 2 s (config/fastdds.xml)
 REMOTE = 1.0  # s, shortest wait if other machines may take part: they announce themselves every 0.3 s (config/fastdds.xml)
-QUIET, POLL = 0.1, 0.01  # s without anything new, after which discovery may be complete; s between two checks
-UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name of a node whose true name has not arrived yet (rmw_dds_common)
-PORT, PER_DOMAIN, FIRST, LAST = 7400, 250, 10, 250  # ports of a domain (RTPS 2.2, 9.6.1.1); participants have two each, from FIRST on
+DISCOVERY_QUIET, DISCOVERY_CHECK_INTERVAL = 0.1, 0.01  # s without anything new, after which discovery may be complete; s between two checks
+UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"  # name of a node whose true name has not arrived yet (rmw_dds_common)
+FIRST_PORT, PER_DOMAIN, FIRST, LAST = 7400, 250, 10, 250  # ports of a domain (RTPS 2.2, 9.6.1.1); participants have two each, from FIRST on
 
 
 @contextmanager
@@ -59,7 +59,7 @@ class Discovery:
             self._seen, self._since = count, now
         if now > self._begin + DISCOVERY:
             return True
-        quiet = now > self._since + QUIET and now > self._begin + self._least
+        quiet = now > self._since + DISCOVERY_QUIET and now > self._begin + self._least
         return quiet and _known_participants(self._node) >= ports(self._node.context.get_domain_id())
 
 
@@ -67,7 +67,7 @@ def discover(node: Node) -> None:
     """Wait until `node` has discovered the graph, at most DISCOVERY s."""
     discovery = Discovery(node)
     while not discovery.is_complete():
-        time.sleep(POLL)
+        time.sleep(DISCOVERY_CHECK_INTERVAL)
 
 
 def appears(condition: Callable[[], bool]) -> bool:
@@ -76,13 +76,13 @@ def appears(condition: Callable[[], bool]) -> bool:
     while not condition():
         if time.monotonic() > end:
             return False
-        time.sleep(POLL)
+        time.sleep(DISCOVERY_CHECK_INTERVAL)
     return True
 
 
 def ports(domain: int) -> int:
     """Return how many DDS participants of the domain with number `domain` have a UDP port on this machine."""
-    first = PORT + PER_DOMAIN * domain
+    first = FIRST_PORT + PER_DOMAIN * domain
     wanted = {f"{port:04X}" for port in range(first + FIRST, first + LAST, 2)}
     lines = [line for table in ("udp", "udp6") for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]]
     return len({port for line in lines if (port := line.split()[1].rpartition(":")[2]) in wanted})
@@ -91,7 +91,7 @@ def ports(domain: int) -> int:
 def _known_participants(node: Node) -> int:
     """Return the number of discovered participants that have a node whose name is known."""
     writers = {bytes(info.endpoint_gid[:12]) for info in node.get_publishers_info_by_topic("ros_discovery_info", no_mangle=True)}
-    named = [info for info in node.get_publishers_info_by_topic("/parameter_events") if info.node_name != UNKNOWN]
+    named = [info for info in node.get_publishers_info_by_topic("/parameter_events") if info.node_name != UNKNOWN_NODE]
     return len(writers & {bytes(info.endpoint_gid[:12]) for info in named})
 
 

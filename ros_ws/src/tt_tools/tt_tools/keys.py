@@ -9,7 +9,7 @@ import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-SEQUENCES = {b" ": "space", b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
+KEY_SEQUENCES = {b" ": "space", b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
 HELP = "keys: space pauses and goes on, right plays the next message, left goes 1 s back, up and down change the rate by 10 %"
 
 
@@ -33,5 +33,5 @@ def keyboard() -> Iterator[int]:
 
 
 def read_key(descriptor: int) -> str | None:
-    """Read a pressed key and return its name, a value of SEQUENCES; None for any other key. descriptor: of the terminal."""
-    return SEQUENCES.get(os.read(descriptor, 8))
+    """Read a pressed key and return its name, a value of KEY_SEQUENCES; None for any other key. descriptor: of the terminal."""
+    return KEY_SEQUENCES.get(os.read(descriptor, 8))

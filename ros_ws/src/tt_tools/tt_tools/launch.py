@@ -28,8 +28,9 @@ from tt_core.errors import TtError
 
 from . import packages
 
-PATIENCE = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
-GUARD = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()  # the kernel ends our processes if this one is killed
+SIGNAL_TIMEOUT = 5.0  # s from SIGINT to SIGTERM and from there to SIGKILL, as in ROS 2 launch
+# the kernel ends our processes if this one is killed
+END_WITH_PARENT = ("setpriv", "--pdeathsig", "TERM") if shutil.which("setpriv") else ()
 RESTARTS, WITHIN = 5, 60.0  # most restarts of one process within so many s; if it ends once more, all processes are ended
 REFUSED = 2  # exit code of a node that refuses its parameters: it is not restarted, because it would refuse them again
 STOPPED = {0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM}  # exit codes that are not a failure
@@ -91,7 +92,7 @@ class Process:
     respawn_max_retries: int = -1
 
 
-def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
+def read_launch_file(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Read a launch file.
 
     Returns:
@@ -113,9 +114,11 @@ def read(path: Path) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
-def arguments(path: Path) -> list[Argument]:
+def declared_arguments(path: Path) -> list[Argument]:
     """Return the arguments that a launch file declares. Raises LaunchError if the file is no launch file."""
-    return [Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read(path) if kind == "arg"]
+    return [
+        Argument(keys["name"], keys.get("default"), keys.get("description", "")) for kind, keys in read_launch_file(path) if kind == "arg"
+    ]
 
 
 def is_true(text: str) -> bool:
@@ -158,7 +161,7 @@ def substitute(text: str, values: Mapping[str, str], folder: Path = Path(), quot
     return _SUBSTITUTION.sub(value, text)
 
 
-def parameter_file(name: str) -> str:
+def existing_parameter_file(name: str) -> str:
     """Return the absolute path of a parameter file. Raises LaunchError if the file does not exist."""
     path = Path(name).absolute()
     if not path.is_file():
@@ -178,7 +181,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
         NotFound: A package or an executable is not installed.
     """
     path, given = Path(path).absolute(), given or {}
-    declared = {argument.name: argument for argument in arguments(path)}
+    declared = {argument.name: argument for argument in declared_arguments(path)}
     if unknown := given.keys() - declared.keys():
         raise LaunchError(f"{path.name} has no argument {', '.join(sorted(unknown))}; it has {', '.join(declared) or 'none'}")
     values: dict[str, str] = {}
@@ -220,7 +223,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
 
     found, environment = [], dict[str, str]()
     namespace, remaps, parameters = "", list[dict[str, str]](), list[str]()  # apply to all nodes that follow in the file
-    for kind, keys in read(path):
+    for kind, keys in read_launch_file(path):
         if kind == "arg" or not holds(keys.get("if", "true")) or holds(keys.get("unless", "false")):
             continue
         if kind == "set_env":
@@ -233,7 +236,7 @@ def processes(path: Path, given: Mapping[str, str] | None = None) -> list[Proces
             remaps.append(keys)
             continue
         if kind == "set_parameters_from_file":
-            parameters += ["--params-file", parameter_file(fill(keys["filename"]))]
+            parameters += ["--params-file", existing_parameter_file(fill(keys["filename"]))]
             continue
         if kind == "set_parameter":
             parameters += ["-p", f"{fill(keys['name'])}:={fill(str(keys['value']))}"]
@@ -267,15 +270,15 @@ class System:
         failed: Exit codes of the processes that failed, by name.
     """
 
-    def __init__(self, processes: Sequence[Process], tell: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
+    def __init__(self, processes: Sequence[Process], write_line: Callable[[str], None] = lambda line: print(line, flush=True)) -> None:
         """Keep the processes, without starting them.
 
         Args:
             processes: What the context will start.
-            tell: Called with each line of output.
+            write_line: Called with each line of output.
         """
         self.failed: dict[str, int] = {}
-        self._processes, self._tell = processes, tell
+        self._processes, self._write_line = processes, write_line
         self._running: dict[subprocess.Popen[str], Process] = {}
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, str] = {}  # last line of output of each process, by name
@@ -290,14 +293,14 @@ class System:
             raise LaunchError(f"{process.name} does not start: there is no program {process.command[0]}")
         environment = {**os.environ, "PYTHONUNBUFFERED": "1", **process.environment}
         pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-        command = (*GUARD, *process.command)
+        command = (*END_WITH_PARENT, *process.command)
         child = subprocess.Popen(command, env=environment, start_new_session=True, text=True, errors="replace", **pipes)
         self._running[child] = process
-        self._tell(f"[launch] {process.name} started, process {child.pid}")
+        self._write_line(f"[launch] {process.name} started, process {child.pid}")
 
         def pass_on() -> None:
             for line in child.stdout or ():
-                self._tell(f"[{process.name}] {line.rstrip()}")
+                self._write_line(f"[{process.name}] {line.rstrip()}")
                 if line.strip():
                     self._last_lines[process.name] = line.strip()
 
@@ -333,7 +336,7 @@ class System:
     def _on_end(self, child: subprocess.Popen[str]) -> None:
         process = self._running.pop(child)
         self._signal(child, signal.SIGKILL)  # ends processes that it may have left in its group
-        self._tell(f"[launch] {process.name} ended, exit code {child.returncode}")
+        self._write_line(f"[launch] {process.name} ended, exit code {child.returncode}")
         if process.respawn and not (process.required or self._stopping) and self._restart(process, child.returncode):
             return
         interrupted = self._stopping and child.returncode > 0  # an interpreter that is still starting answers SIGINT with 1
@@ -347,7 +350,7 @@ class System:
         often = sum(now - at < WITHIN for at in times) >= RESTARTS
         if often or code == REFUSED:
             why = f"it ended {RESTARTS + 1} times within {WITHIN:g} s" if often else "it would refuse its parameters again"
-            self._tell(f"[launch] {process.name} is not started again: {why}; all end")
+            self._write_line(f"[launch] {process.name} is not started again: {why}; all end")
             self.failed[process.name], self._over = code, True
             return False
         if 0 <= process.respawn_max_retries <= len(times):
@@ -383,23 +386,23 @@ class System:
             os.killpg(child.pid, number)
 
     def stop(self) -> None:
-        """End all processes: send SIGINT, after PATIENCE s SIGTERM, and after PATIENCE s more SIGKILL to those that still run."""
+        """End all processes: send SIGINT, then SIGTERM and then SIGKILL to those that still run, SIGNAL_TIMEOUT s apart."""
         self._stopping = True
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             for child, process in self._running.items():
                 if number is not signal.SIGINT:
-                    self._tell(f"[launch] {process.name} still runs: {number.name}")
+                    self._write_line(f"[launch] {process.name} still runs: {number.name}")
                 self._signal(child, number)
-            end = time.monotonic() + PATIENCE
+            end = time.monotonic() + SIGNAL_TIMEOUT
             while self._running and self._next(max(0.0, end - time.monotonic())):
                 pass
         for reader in self._readers:
             reader.join(timeout=1.0)
 
-    def tell_failures(self) -> None:
+    def write_failures(self) -> None:
         """Pass on the exit code and the last line of output of each process that failed."""
         for name, code in self.failed.items():
-            self._tell(f"[launch] {name} failed, exit code {code}: {self._last_lines.get(name, 'it told nothing')}")
+            self._write_line(f"[launch] {name} failed, exit code {code}: {self._last_lines.get(name, 'it wrote nothing')}")
 
     def __enter__(self) -> System:
         try:
@@ -414,7 +417,7 @@ class System:
         self.stop()
 
 
-def run(processes: Sequence[Process]) -> int:
+def run_processes(processes: Sequence[Process]) -> int:
     """Run processes until they have ended or a signal arrives (SIGINT, SIGTERM or SIGHUP). To be called by the main thread only.
 
     Returns:
@@ -425,5 +428,5 @@ def run(processes: Sequence[Process]) -> int:
         signal.signal(number, lambda *_: system.interrupt())
     with system:
         system.wait()
-    system.tell_failures()
+    system.write_failures()
     return 1 if system.failed else 0

@@ -22,10 +22,10 @@ from .errors import GraphError
 from .graph import appears, discover
 from .message_text import TextOptions, to_csv, to_yaml
 from .packages import interface
-from .qos import ALL, QosWords
+from .qos import KEEP_ALL, QosWords
 
 REPORT = 1.0  # s between two reports
-WAIT = 0.05  # s between two checks for a topic
+TOPIC_CHECK_INTERVAL = 0.05  # s between two checks for a topic
 
 
 class _Listener(Node):
@@ -53,7 +53,7 @@ class _Listener(Node):
         if not kinds:
             print(f"WARNING: topic [{topic}] does not appear to be published yet", flush=True)
             while wait and not kinds:
-                time.sleep(WAIT)
+                time.sleep(TOPIC_CHECK_INTERVAL)
                 kinds = self._kinds(name)
         if not kinds:
             raise GraphError("Could not determine the type for the passed topic")
@@ -61,7 +61,7 @@ class _Listener(Node):
             raise GraphError(f"Cannot echo topic '{topic}', as it contains more than one type: [{', '.join(kinds)}]")
         self.kind = interface(kinds[0])
         offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
-        profile = qos.profile(offered) if qos else compatible(ALL, offered)
+        profile = qos.profile(offered) if qos else compatible(KEEP_ALL, offered)
         self.create_subscription(self.kind, name, on_data, profile, raw=True)
         _warn_of_mismatch(topic, profile, self.get_publishers_info_by_topic(name))
 
@@ -101,7 +101,7 @@ class EchoOptions(NamedTuple):
     timeout: float | None = None
 
 
-def part(message: Any, field: str) -> Any:
+def message_part(message: Any, field: str) -> Any:
     """Return a part of a message.
 
     Args:
@@ -133,14 +133,14 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
     """
     listeners: list[_Listener] = []
 
-    def tell(data: bytes) -> None:
+    def print_message(data: bytes) -> None:
         if not rclpy.ok():
             return
         if options.raw:
             print(data, end="\n---\n", flush=True)
         else:
-            shown = part(listeners[0].message(data), options.field)
-            if options.filter and not evaluate(options.filter, shown):
+            shown = message_part(listeners[0].message(data), options.field)
+            if options.filter and not evaluate_expression(options.filter, shown):
                 return
             print(text(shown), end="" if options.csv else "---\n", flush=True)
         if options.once:
@@ -152,7 +152,7 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
         return to_csv(shown, options.text) + "\n" if options.csv else to_yaml(shown, options.text)
 
     def make() -> Node:
-        listeners.append(_Listener(topic, tell, kind=kind, qos=qos))
+        listeners.append(_Listener(topic, print_message, kind=kind, qos=qos))
         if options.timeout is not None:
             listeners[0].create_timer(options.timeout, rclpy.try_shutdown)
         return listeners[0]
@@ -160,7 +160,7 @@ def echo(topic: str, kind: str, qos: QosWords, options: EchoOptions) -> None:
     _run(make)
 
 
-def evaluate(expression: str, message: Any) -> Any:
+def evaluate_expression(expression: str, message: Any) -> Any:
     """Return the value of a Python expression in which `m` is the message. Raises TtError if the evaluation fails."""
     try:
         return eval(expression, {}, {"m": message})  # the expression comes from the user's own command line
@@ -176,7 +176,7 @@ def _run(make: Callable[[], Node]) -> None:
         raise SystemExit(bool(ended.code)) from None
 
 
-class Spread(NamedTuple):
+class Statistics(NamedTuple):
     """Mean, smallest value, largest value and standard deviation of some values, in their unit."""
 
     mean: float
@@ -185,10 +185,10 @@ class Spread(NamedTuple):
     deviation: float
 
 
-def spread(values: Sequence[float]) -> Spread:
+def statistics(values: Sequence[float]) -> Statistics:
     """Return mean, smallest and largest value and standard deviation of at least one value."""
     mean = sum(values) / len(values)
-    return Spread(mean, min(values), max(values), math.sqrt(sum((value - mean) ** 2 for value in values) / len(values)))
+    return Statistics(mean, min(values), max(values), math.sqrt(sum((value - mean) ** 2 for value in values) / len(values)))
 
 
 def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> None:
@@ -207,12 +207,12 @@ def print_rate(topic: str, window: int, filter: str = "", wall: bool = True) -> 
         if len(times) < 2 or now - times[-1] > REPORT:
             print("no new messages", flush=True)
             return
-        gaps = spread([later - earlier for earlier, later in zip(times, list(times)[1:], strict=False)])
+        gaps = statistics([later - earlier for earlier, later in zip(times, list(times)[1:], strict=False)])
         rate = 1.0 / gaps.mean if gaps.mean > 0.0 else 0.0
-        print(f"average rate: {rate:.3f}\n{_spread_line(gaps, len(times) - 1)}", flush=True)
+        print(f"average rate: {rate:.3f}\n{_statistics_line(gaps, len(times) - 1)}", flush=True)
 
     def take(data: bytes) -> None:
-        if not filter or evaluate(filter, listeners[0].message(data)):
+        if not filter or evaluate_expression(filter, listeners[0].message(data)):
             times.append(_now(listeners[0], wall))
 
     listeners = list[_Listener]()
@@ -240,8 +240,8 @@ def print_delay(topic: str, window: int) -> None:
         if not new[0]:
             print("no new messages", flush=True)
             return
-        new[0], late = 0, spread(delays)
-        print(f"average delay: {late.mean:.3f}\n{_spread_line(late, len(delays))}", flush=True)
+        new[0], late = 0, statistics(delays)
+        print(f"average delay: {late.mean:.3f}\n{_statistics_line(late, len(delays))}", flush=True)
 
     listeners = list[_Listener]()
     _report(topic, take, report, listeners)
@@ -270,11 +270,11 @@ def bandwidth(sizes: Collection[tuple[float, int]], now: float) -> str:
     total = [size for _, size in sizes]
     per_second = sum(total) / (now - first)
     unit, digits, name = (1.0, 0, "B") if per_second < 1e3 else (1e3, 2, "KB") if per_second < 1e6 else (1e6, 2, "MB")
-    rate, mean, least, largest = (f"{value / unit:.{digits}f} {name}" for value in (per_second, *spread(total)[:3]))
+    rate, mean, least, largest = (f"{value / unit:.{digits}f} {name}" for value in (per_second, *statistics(total)[:3]))
     return f"{rate}/s from {len(total)} messages\n\tMessage size mean: {mean} min: {least} max: {largest}"
 
 
-def _spread_line(of: Spread, window: int) -> str:
+def _statistics_line(of: Statistics, window: int) -> str:
     return f"\tmin: {of.least:.3f}s max: {of.largest:.3f}s std dev: {of.deviation:.5f}s window: {window}"
 
 

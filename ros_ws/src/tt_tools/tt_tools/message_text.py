@@ -14,9 +14,9 @@ from tt_core.errors import TtError
 
 from .packages import interface
 
-SEQUENCES = (list, tuple, array.array, np.ndarray)
+SEQUENCE_TYPES = (list, tuple, array.array, np.ndarray)
 FLOATS = ("float", "double", "long double")
-HEADER, TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
+HEADER_TYPE, TIME_TYPE = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
 class FieldError(TtError):
@@ -48,10 +48,10 @@ class TextOptions(NamedTuple):
     flow: bool = False
 
 
-WHOLE = TextOptions()
+WHOLE_TEXT = TextOptions()
 
 
-def to_plain(message: Any, options: TextOptions = WHOLE) -> dict[str, Any]:
+def to_plain(message: Any, options: TextOptions = WHOLE_TEXT) -> dict[str, Any]:
     """Return a message as nested dictionaries, lists, numbers and strings, shortened as the options tell."""
     names = message.get_fields_and_field_types()
     return {name: _plain(getattr(message, name), kind, options) for name, kind in zip(names, message.SLOT_TYPES, strict=True)}
@@ -62,7 +62,7 @@ def _plain(value: Any, kind: Any, options: TextOptions) -> Any:
         return _cut(value.decode("latin-1"), options)
     if isinstance(value, str):
         return _cut(value, options) if options.strings else f"<string length: <{len(value)}>>"
-    if isinstance(value, SEQUENCES):
+    if isinstance(value, SEQUENCE_TYPES):
         if not options.arrays and kind is not None:
             return _abbreviated(value, kind)
         shown = value if options.truncate is None else value[: options.truncate]
@@ -90,14 +90,14 @@ def _abbreviated(value: Any, kind: AbstractNestedType) -> str:
     return f"<sequence type: {name}{bound}, length: {len(value)}>"
 
 
-def to_yaml(message: Any, options: TextOptions = WHOLE) -> str:
+def to_yaml(message: Any, options: TextOptions = WHOLE_TEXT) -> str:
     """Return a message as YAML text, with one line for each value unless `options.flow` is set."""
     return str(
         yaml.safe_dump(to_plain(message, options), sort_keys=False, allow_unicode=True, width=sys.maxsize, default_flow_style=options.flow)
     )
 
 
-def to_csv(message: Any, options: TextOptions = WHOLE) -> str:
+def to_csv(message: Any, options: TextOptions = WHOLE_TEXT) -> str:
     """Return the values of a message in the order of its fields, separated by commas."""
 
     def values(value: Any) -> list[str]:
@@ -110,7 +110,7 @@ def to_csv(message: Any, options: TextOptions = WHOLE) -> str:
     return ",".join(values(to_plain(message, options)))
 
 
-def from_values(message_type: Any, values: Any, now: Any = None) -> Any:
+def message_from_values(message_type: Any, values: Any, now: Any = None) -> Any:
     """Return a message whose fields are set to given values.
 
     Args:
@@ -148,9 +148,9 @@ def _made(kind: Any, value: Any, now: Any, path: str) -> Any:
         return [_made(kind.value_type, item, now, f"{path}[{i}]") for i, item in enumerate(value)]
     if isinstance(kind, NamespacedType):
         name = "/".join(kind.namespaced_name())
-        if now is not None and name == TIME and value == "now":
+        if now is not None and name == TIME_TYPE and value == "now":
             return now
-        if now is not None and name == HEADER and value == "auto":
+        if now is not None and name == HEADER_TYPE and value == "auto":
             return interface(name)(stamp=now)
         return _filled(interface(name), value, now, f"{path}.")
     if isinstance(kind, (AbstractString, AbstractWString)):

@@ -13,10 +13,10 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
-SERVICE = "/list_parameters"
+LIST_SERVICE = "/list_parameters"
 
 
-def parameter_file(node: str, names: list[str], values: list[ParameterValue]) -> str:
+def parameter_file_text(node: str, names: list[str], values: list[ParameterValue]) -> str:
     """Return the parameters of a node as the text of a parameter file (YAML).
 
     Args:
@@ -38,7 +38,7 @@ class ParameterCollector:
     """Asks each node of the graph for its parameters once, when the node has been discovered."""
 
     def __init__(self, node: Node, take: Callable[[str, dict[str, Any], str], None]) -> None:
-        """Keep the node and the callback. Requests are sent by `look`.
+        """Keep the node and the callback. Requests are sent by `check`.
 
         Args:
             node: Node that sends the requests. Its executor runs the callbacks of the answers.
@@ -49,10 +49,10 @@ class ParameterCollector:
         self._waiting: dict[str, tuple[Any, Any]] = {}  # service clients of the nodes that were not asked yet, by node name
         self._seen: set[str] = set()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Find new nodes, and send requests to those whose parameter services are ready. To be called periodically."""
         for name, _ in self._node.get_service_names_and_types():
-            owner = name.removesuffix(SERVICE)
+            owner = name.removesuffix(LIST_SERVICE)
             if owner != name and owner not in self._seen and not topic_or_service_is_hidden(owner):
                 self._seen.add(owner)
                 create = self._node.create_client
@@ -72,4 +72,4 @@ class ParameterCollector:
         if answer.result() is not None and len(answer.result().values) == len(names):
             values = list(answer.result().values)
             content = dict(zip(names, map(parameter_value_to_python, values), strict=True))
-            self._take(owner, content, parameter_file(owner, names, values))
+            self._take(owner, content, parameter_file_text(owner, names, values))

@@ -14,7 +14,7 @@ from ament_index_python.resources import get_resource, get_resources
 from tt_core.errors import TtError
 
 LAUNCH_FILES = ("*.launch.yaml",)
-KINDS = ("msg", "srv", "action")  # kinds of interfaces
+INTERFACE_KINDS = ("msg", "srv", "action")  # kinds of interfaces
 
 
 class NotFound(TtError):
@@ -40,7 +40,7 @@ class NotFound(TtError):
         self.what, self.name, self.known = what, name, choices
 
 
-def names() -> list[str]:
+def package_names() -> list[str]:
     """Return the names of all installed packages, sorted."""
     return sorted(get_packages_with_prefixes())
 
@@ -50,7 +50,7 @@ def prefix(package: str) -> Path:
     try:
         return Path(get_package_prefix(package))
     except (PackageNotFoundError, ValueError):
-        raise NotFound("Package", package, [name for name in names() if executables(name)]) from None
+        raise NotFound("Package", package, [name for name in package_names() if executables(name)]) from None
 
 
 def share(package: str) -> Path:
@@ -86,7 +86,7 @@ def launch_file(package: str, name: str) -> Path:
 
 
 def interfaces(kind: str) -> list[str]:
-    """Return the full names of all installed interfaces of a kind, one of KINDS, sorted; e.g. "std_msgs/msg/String"."""
+    """Return the full names of all installed interfaces of a kind, one of INTERFACE_KINDS, sorted; e.g. "std_msgs/msg/String"."""
     found = set[str]()
     for package in get_resources("rosidl_interfaces"):
         files = get_resource("rosidl_interfaces", package)[0].split()
@@ -95,7 +95,7 @@ def interfaces(kind: str) -> list[str]:
 
 
 def full_name(name: str, kind: str = "msg") -> str:
-    """Return the full name of an interface. `kind`, one of KINDS, is inserted into a short name such as std_msgs/String."""
+    """Return the full name of an interface. `kind`, one of INTERFACE_KINDS, is inserted into a short name such as std_msgs/String."""
     return name.replace("/", f"/{kind}/") if name.count("/") == 1 else name
 
 
@@ -107,7 +107,7 @@ def interface_file(name: str) -> Path:
     except NotFound:
         path = Path()
     if name.count("/") != 2 or not path.is_file():
-        raise NotFound("Interface", name, [one for kind in KINDS for one in interfaces(kind)])
+        raise NotFound("Interface", name, [one for kind in INTERFACE_KINDS for one in interfaces(kind)])
     return path
 
 
@@ -121,5 +121,5 @@ def interface(name: str) -> Any:
     try:
         return getattr(importlib.import_module(package.replace("/", ".")), kind)
     except (ImportError, AttributeError, ValueError):
-        known = [one for group in KINDS for one in interfaces(group)]
+        known = [one for group in INTERFACE_KINDS for one in interfaces(group)]
         raise NotFound("Message or service type", name, difflib.get_close_matches(name, known, n=5, cutoff=0.5)) from None

@@ -22,11 +22,11 @@ from tt_core.errors import TtError
 
 from .errors import GraphError
 from .graph import appears, graph, nodes, services
-from .node_parameters import parameter_file
+from .node_parameters import parameter_file_text
 
-PATIENCE = 10.0  # s, longest wait for a node to be discovered, and for each of its answers
+NODE_ANSWER_TIMEOUT = 10.0  # s, longest wait for a node to be discovered, and for each of its answers
 AGAIN = 3.0  # s without an answer after which a request is sent again
-TYPES = {  # what ros2cli prints for each type: in a description, and before a value
+TYPE_NAMES = {  # what ros2cli prints for each type: in a description, and before a value
     ParameterType.PARAMETER_NOT_SET: ("not set", "Parameter not set."),
     ParameterType.PARAMETER_BOOL: ("boolean", "Boolean value is:"),
     ParameterType.PARAMETER_INTEGER: ("integer", "Integer value is:"),
@@ -43,7 +43,7 @@ TYPES = {  # what ros2cli prints for each type: in a description, and before a v
 class ParameterClient:
     """Client that reads and sets the parameters of one running node."""
 
-    def __init__(self, node: Node, name: str, patience: float = PATIENCE) -> None:
+    def __init__(self, node: Node, name: str, patience: float = NODE_ANSWER_TIMEOUT) -> None:
         """Connect to the parameter services of a node.
 
         Args:
@@ -128,14 +128,14 @@ def show(node: str, name: str, *, hide_type: bool) -> None:
         (value,) = client.values([name])
     content = parameter_value_to_python(value)
     text = str(content.tolist() if hasattr(content, "tolist") else content)
-    print(text if hide_type else f"{TYPES[value.type][1]} {text}".strip() if value.type else TYPES[value.type][1])
+    print(text if hide_type else f"{TYPE_NAMES[value.type][1]} {text}".strip() if value.type else TYPE_NAMES[value.type][1])
 
 
-def describe(node: str, names: list[str]) -> None:
+def print_descriptions(node: str, names: list[str]) -> None:
     """Print type, description and constraints of the parameters `names` of a node."""
     with connected(node) as client:
         for descriptor in client.descriptors(names):
-            print(f"Parameter name: {descriptor.name}\n  Type: {TYPES[descriptor.type][0]}")
+            print(f"Parameter name: {descriptor.name}\n  Type: {TYPE_NAMES[descriptor.type][0]}")
             if descriptor.description:
                 print(f"  Description: {descriptor.description}")
             print("  Constraints:")
@@ -151,7 +151,7 @@ def dump(node: str) -> str:
     """Return all parameters of a node as the text of a parameter file (YAML), with which the node can be started again."""
     with connected(node) as client:
         names = client.names()
-        return parameter_file(client.name, names, client.values(names))
+        return parameter_file_text(client.name, names, client.values(names))
 
 
 def load(node: str, file: Path) -> None:
@@ -197,7 +197,7 @@ def print_names(name: str | None, prefixes: tuple[str, ...], *, hidden: bool, ty
             client = ParameterClient(node, one)
             try:
                 names = [parameter for parameter in client.names() if not prefixes or parameter.startswith(prefixes)]
-                kinds = [TYPES[descriptor.type][0] for descriptor in client.descriptors(names)] if types and names else []
+                kinds = [TYPE_NAMES[descriptor.type][0] for descriptor in client.descriptors(names)] if types and names else []
             except TtError as error:
                 if name:
                     raise

@@ -29,7 +29,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 from tt_core.errors import TtError
 from tt_core.params import check, param
-from tt_core.ros.bags import TYPES, Bag, BagError
+from tt_core.ros.bags import TYPESTORE, Bag, BagError
 from tt_core.ros.discovery import RECORDERS, listeners
 from tt_core.ros.params import declare
 
@@ -38,17 +38,18 @@ from .keys import HELP, attached, keyboard, read_key
 from .packages import NotFound, interface
 from .play import Playback, PlaybackItem, with_clock
 
-DEPTH = 1000  # messages that a slow subscriber may be behind
-POLL = 0.05  # s between two checks for subscribers
-SETTLED = 1.0  # s from when nothing is missing to the begin of playback that waits; running nodes are usually discovered within it
+QUEUE_DEPTH = 1000  # messages that a slow subscriber may be behind
+SUBSCRIBER_CHECK_INTERVAL = 0.05  # s between two checks for subscribers
+DISCOVERY_TIME = 1.0  # s from when nothing is missing to the begin of playback that waits; running nodes are usually discovered within it
 CONNECTION = 3.0  # s, longest wait for nodes that run already to connect
 STANDING = 0.05  # s between two messages on /clock while playback is paused
-BACK, FASTER = 10**9, 1.1  # what one key changes: the position by ns, the rate by a factor
-ACKNOWLEDGED, SLICE = 2.0, 0.05  # s, longest wait at the end for acknowledgements, in slices between which an interrupt is handled
+SEEK_STEP, RATE_STEP = 10**9, 1.1  # what one key changes: the position by ns, the rate by a factor
+ACKNOWLEDGEMENT_TIMEOUT = 2.0  # s, longest wait at the end for acknowledgements
+SLICE = 0.05  # s, part of this wait, after which an interrupt is handled
 
 
 @dataclass(frozen=True)
-class PlayParams:
+class BagPlayParams:
     """Parameters of the player: what it plays, and how."""
 
     bag: str = param("", "", "path of a bag of any kind")
@@ -151,7 +152,7 @@ def offering_qos(recorded: Collection[Qos]) -> QoSProfile:
     reliable = not recorded or any(qos.reliability is QosReliability.RELIABLE for qos in recorded)
     durable = any(qos.durability is QosDurability.TRANSIENT_LOCAL for qos in recorded)
     return QoSProfile(
-        depth=DEPTH,
+        depth=QUEUE_DEPTH,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if durable else DurabilityPolicy.VOLATILE,
     )
@@ -164,16 +165,16 @@ class PlayNode(Node):
     `rate` and `position` can be set while it plays.
     """
 
-    def __init__(self, interrupts: Interrupts, params: PlayParams | None = None) -> None:
+    def __init__(self, interrupts: Interrupts, params: BagPlayParams | None = None) -> None:
         """Declare the parameters and make the services.
 
         Args:
             interrupts: Wakes the main thread when a service was called or a parameter was set.
-            params: Defaults of the node's parameters; those of PlayParams if None.
+            params: Defaults of the node's parameters; those of BagPlayParams if None.
         """
         super().__init__("player", enable_rosout=False)
         self._interrupts, self._playback = interrupts, Playback(0, 1.0, 0.0)
-        self.params = declare(self, params or PlayParams, changed=self._on_params)
+        self.params = declare(self, params or BagPlayParams, changed=self._on_params)
         self.params.wants("")
         self.add_post_set_parameters_callback(self._on_set)
         self._outputs: dict[tuple[str, str], Publisher] = {}
@@ -182,7 +183,7 @@ class PlayNode(Node):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
 
-    def _on_params(self, params: PlayParams) -> None:
+    def _on_params(self, params: BagPlayParams) -> None:
         """Keep the new parameters."""
         self.params = params
 
@@ -217,9 +218,9 @@ class PlayNode(Node):
         elif key == "right":
             self._playback.play_next()
         elif key == "left":
-            self._playback.seek(max(self._start, self._playback.position(now) - BACK), now)
+            self._playback.seek(max(self._start, self._playback.position(now) - SEEK_STEP), now)
         elif key in ("up", "down"):
-            self._playback.set_rate(self._playback.rate * (FASTER if key == "up" else 1.0 / FASTER), now)
+            self._playback.set_rate(self._playback.rate * (RATE_STEP if key == "up" else 1.0 / RATE_STEP), now)
 
     def offer(self, bag: Bag, remap: Mapping[str, str]) -> None:
         """Make a publisher for each topic of a bag that is to be played. A topic that cannot be played is left out with a warning.
@@ -267,9 +268,9 @@ class PlayNode(Node):
         begin = time.monotonic()
         since: float | None = None  # s, from when on nothing is missing; None while something is
         discovery = Discovery(self)
-        while since is None or time.monotonic() < since + (SETTLED if patient else 0.0):
+        while since is None or time.monotonic() < since + (DISCOVERY_TIME if patient else 0.0):
             self._tick(start)
-            self._interrupts.sleep(POLL)
+            self._interrupts.sleep(SUBSCRIBER_CHECK_INTERVAL)
             known, waited = discovery.is_complete(), time.monotonic() - begin
             missing = self._missing() if patient else self._unconnected()
             since = None if missing or not known else since or time.monotonic()
@@ -330,7 +331,7 @@ class PlayNode(Node):
                 if not params.loop:
                     break
                 self._playback.seek(first, time.monotonic())
-        end = time.monotonic() + ACKNOWLEDGED
+        end = time.monotonic() + ACKNOWLEDGEMENT_TIMEOUT
         for output in self._outputs.values():
             while not output.wait_for_all_acked(Duration(seconds=SLICE)) and time.monotonic() < end:
                 self._interrupts.sleep(0.0)
@@ -368,10 +369,10 @@ def _can_be_recorded(kind: str) -> bool:
         interface(kind)
     except NotFound:
         return False
-    return kind in TYPES.types
+    return kind in TYPESTORE.types
 
 
-def play(params: PlayParams | None = None, remap: Mapping[str, str] | None = None, *, keys: bool = False) -> int:
+def play_bag(params: BagPlayParams | None = None, remap: Mapping[str, str] | None = None, *, keys: bool = False) -> int:
     """Play a bag to its end.
 
     Args:
@@ -427,7 +428,7 @@ def _serve(node: Node) -> None:
 def main() -> int:
     """Play the bag that the ROS parameters of the command line name, and return the exit code."""
     try:
-        print(f"played {play()} messages", flush=True)
+        print(f"played {play_bag()} messages", flush=True)
     except TtError as error:
         print(f"play: {error}", file=sys.stderr)
         return 2

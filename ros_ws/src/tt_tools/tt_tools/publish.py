@@ -11,13 +11,14 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from tt_core.errors import TtError
 
-from .message_text import from_values, values_of
+from .message_text import message_from_values, values_of
 from .packages import interface
 from .qos import QosWords
 
-DEFAULT = QoSProfile(depth=10)
-WAIT, TELL = 0.05, 1.0  # s between two checks for subscribers, and between two lines printed about them
-ACKNOWLEDGED = 2.0  # s, longest wait at the end for reliable subscribers to acknowledge the messages
+DEFAULT_QOS = QoSProfile(depth=10)
+SUBSCRIBER_CHECK_INTERVAL = 0.05  # s between two checks for subscribers
+SUBSCRIBER_REPORT_INTERVAL = 1.0  # s between two lines printed about them
+ACKNOWLEDGEMENT_TIMEOUT = 2.0  # s, longest wait at the end for reliable subscribers to acknowledge the messages
 
 
 class PubOptions(NamedTuple):
@@ -61,20 +62,22 @@ def publish(topic: str, kind: str, values: str, qos: QosWords, options: PubOptio
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(options.node_name or "_ros2cli_publisher", enable_rosout=False, start_parameter_services=False)
-        from_values(message_type, given, node.get_clock().now().to_msg())  # raises an error in the values before anything is published
-        output = node.create_publisher(message_type, topic, qos.profile(otherwise=DEFAULT))
+        message_from_values(
+            message_type, given, node.get_clock().now().to_msg()
+        )  # raises an error in the values before anything is published
+        output = node.create_publisher(message_type, topic, qos.profile(otherwise=DEFAULT_QOS))
         _wait(output, options)
         print("publisher: beginning loop", flush=True)
         count, begin = 0, time.monotonic()
         while not options.times or count < options.times:
-            message = from_values(message_type, given, node.get_clock().now().to_msg())
+            message = message_from_values(message_type, given, node.get_clock().now().to_msg())
             count += 1
             if options.print_every and not count % options.print_every:
                 print(f"publishing #{count}: {message!r}\n", flush=True)
             output.publish(message)
             if count != options.times:
                 time.sleep(max(0.0, begin + count / options.rate - time.monotonic()))
-        output.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))
+        output.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
         time.sleep(options.keep_alive)
     finally:
         rclpy.try_shutdown()
@@ -82,13 +85,13 @@ def publish(topic: str, kind: str, values: str, qos: QosWords, options: PubOptio
 
 def _wait(output: rclpy.publisher.Publisher, options: PubOptions) -> None:
     """Wait until as many subscribers are there as the options ask for. Raises TtError after `options.max_wait`."""
-    begin, reported = time.monotonic(), -TELL
+    begin, reported = time.monotonic(), -SUBSCRIBER_REPORT_INTERVAL
     while output.get_subscription_count() < options.wait_for:
         now = time.monotonic() - begin
         if options.max_wait is not None and now > options.max_wait:
             found = output.get_subscription_count()
             raise TtError(f"Timed out waiting for subscribers: Expected {options.wait_for} subs but found {found}")
-        if now > reported + TELL:
+        if now > reported + SUBSCRIBER_REPORT_INTERVAL:
             print(f"Waiting for at least {options.wait_for} matching subscription(s)...", flush=True)
             reported = now
-        time.sleep(WAIT)
+        time.sleep(SUBSCRIBER_CHECK_INTERVAL)

@@ -19,8 +19,8 @@ from rclpy.qos import (
 from tt_core.ros.qos import compatible
 
 # the queue of 1000 messages holds half a second of two cameras at 900 Hz
-ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PROFILES = ("default", "sensor_data", "system_default", "services_default", "parameters", "parameter_events")
+KEEP_ALL = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+QOS_PROFILES = ("default", "sensor_data", "system_default", "services_default", "parameters", "parameter_events")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class QosWords:
     """Quality-of-service options of the command line. An option that is None or "" was not given; `profile` tells what replaces it.
 
     Attributes:
-        preset: Name of a preset profile, one of PROFILES.
+        preset: Name of a preset profile, one of QOS_PROFILES.
         depth: Number of messages in the queue.
         history: Name of the history policy, e.g. "keep_last".
         reliability: Name of the reliability policy, e.g. "best_effort".
@@ -45,7 +45,7 @@ class QosWords:
     liveliness: str = ""
     lease: float | None = None
 
-    def profile(self, offered: Sequence[QoSProfile] = (), otherwise: QoSProfile = ALL) -> QoSProfile:
+    def profile(self, offered: Sequence[QoSProfile] = (), otherwise: QoSProfile = KEEP_ALL) -> QoSProfile:
         """Return the profile that the options ask for. Options that were not given are taken from a base profile.
 
         The base is the preset profile. Without a preset it is `otherwise`, lowered to the reliability and durability that all publishers

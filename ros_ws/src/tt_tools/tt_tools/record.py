@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 from rosbags.interfaces import Qos
 from tt_core.failures import Failure
-from tt_core.ros.bags import TYPES, BagError
+from tt_core.ros.bags import TYPESTORE, BagError
 
 from .bagfile import ONE_FILE, RESERVE, BagFile, SplitRule, Summary
 
 QUEUE = 256 * 2**20  # bytes of messages that may wait for the disk: 2.6 s of two cameras at 900 Hz
 OVERHEAD = 300  # bytes of memory for a queued message beside its data
-SLOW = 0.5  # s for one message, above which the disk counts as slow
+SLOW_WRITE = 0.5  # s for one message, above which the disk counts as slow
 RETRY = 0.25  # s between two checks whether a full disk has room again
-PATIENCE, GRACE = 4.0, 2.0  # s that `close` waits: first for the queue to be written, then for the file to be closed
+QUEUE_TIMEOUT, CLOSE_TIMEOUT = 4.0, 2.0  # s that `close` waits: first for the queue to be written, then for the file to be closed
 
 
 class DiskFailure(Enum):
@@ -125,7 +125,7 @@ class Recording:
         Raises:
             BagError: The type is not one of ROS 2 Jazzy.
         """
-        if kind not in TYPES.types:
+        if kind not in TYPESTORE.types:
             raise BagError(f"{name} has the unknown type {kind}")
         self._queue.put(_Topic(name, kind, offered))
 
@@ -166,14 +166,14 @@ class Recording:
         with self._lock:
             queued, dropped = self._queued, dict(+self._dropped)
         now, since = time.monotonic(), self._since
-        slow = (since is not None and now - since > SLOW) or now < self._slow_until or queued > self._largest / 2
+        slow = (since is not None and now - since > SLOW_WRITE) or now < self._slow_until or queued > self._largest / 2
         trouble = self._broken or self._full or (Failure(DiskFailure.SLOW) if slow else None)
         return State(trouble, queued, self._bag.free, dropped, dict(self._missed))
 
     def close(self) -> Summary:
         """Write the messages in the queue, the index and the metadata, and close the bag.
 
-        Messages that the disk does not take within PATIENCE s are dropped and counted.
+        Messages that the disk does not take within QUEUE_TIMEOUT s are dropped and counted.
 
         Returns:
             Summary of what was recorded and what was lost.
@@ -182,11 +182,11 @@ class Recording:
             BagError: The bag could not be closed and has no index.
         """
         self._queue.put(None)
-        self._thread.join(PATIENCE)
+        self._thread.join(QUEUE_TIMEOUT)
         self._over = True
-        self._thread.join(GRACE)
+        self._thread.join(CLOSE_TIMEOUT)
         if self._summary is None:
-            reason = self._broken or Failure(DiskFailure.SILENT, seconds=PATIENCE + GRACE)
+            reason = self._broken or Failure(DiskFailure.SILENT, seconds=QUEUE_TIMEOUT + CLOSE_TIMEOUT)
             bag = self._bag.directory
             raise BagError(f"{bag} has no index ({reason}); ros2 bag reindex {bag} saves what was written")
         return self._summary
@@ -205,8 +205,8 @@ class Recording:
                     self._queued -= len(item.data) + OVERHEAD
                     self._dropped[item.topic] += not written
             now = time.monotonic()
-            if now - self._since > SLOW:
-                self._slow_until = now + 2 * SLOW
+            if now - self._since > SLOW_WRITE:
+                self._slow_until = now + 2 * SLOW_WRITE
             self._since = None
         try:
             if not self._broken:

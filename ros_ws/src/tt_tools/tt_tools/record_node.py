@@ -38,14 +38,14 @@ from tt_core.ros.qos import compatible
 from .bagfile import RESERVE, SplitRule
 from .node_parameters import ParameterCollector
 from .packages import NotFound, interface
-from .qos import ALL
+from .qos import KEEP_ALL
 from .record import QUEUE, Recording, State
 from .reindex import compress
 from .sequence_gaps import SequenceGaps
 
-POLL = 0.1  # s between two checks for new topics, which is the default of rosbag2, and between two checks of the disk
+TOPIC_CHECK_INTERVAL = 0.1  # s between two checks for new topics, which is the default of rosbag2, and between two checks of the disk
 TAKE = 0.005  # s between two looks for messages
-TELL = 1.0  # s between two status messages while messages are lost
+LOSS_REPORT_INTERVAL = 1.0  # s between two status messages while messages are lost
 
 
 class _Topic(NamedTuple):
@@ -156,13 +156,13 @@ class RecordNode(Node):
         topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))
         self.params = replace(params, topics=topics, exclude_topics=excluded)
         self._seen: set[str] = set()
-        self._told, self._when = State(None, 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
+        self._published, self._when = State(None, 0, 0, {}, {}), 0.0  # the last published state, and when it was published, s
         self.failed = False
         self._status = Status(self)
         self._topics: dict[str, _Topic] = {}
         layout = read_layout(params.layout) if params.layout else None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(POLL, self._look, clock=steady)
+        self.create_timer(TOPIC_CHECK_INTERVAL, self._look, clock=steady)
         self.create_timer(TAKE, self._take, clock=steady)
         # the bag is made last, so that an error before it leaves no bag behind
         self._recording = Recording(
@@ -189,7 +189,7 @@ class RecordNode(Node):
                 self._seen.add(name)
                 self._subscribe(name, kinds[0], offered)
         if self._collector is not None:
-            self._collector.look()
+            self._collector.check()
 
     def _on_parameters(self, node: str, values: dict[str, Any], text: str) -> None:
         """Attach the parameters of a node to the bag, and the URDF of the arm that its parameter `robot` names."""
@@ -205,9 +205,9 @@ class RecordNode(Node):
 
     def _report(self, state: State) -> None:
         """Publish the state at once when trouble begins or ends, and every second while messages are lost."""
-        changed = code_name(state.trouble) != code_name(self._told.trouble)
-        losing = (state.dropped, state.missed) != (self._told.dropped, self._told.missed)
-        if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + TELL):
+        changed = code_name(state.trouble) != code_name(self._published.trouble)
+        losing = (state.dropped, state.missed) != (self._published.dropped, self._published.missed)
+        if not changed and not ((state.trouble or losing) and time.monotonic() > self._when + LOSS_REPORT_INTERVAL):
             return
         if changed and state.trouble:
             self.get_logger().error(f"{state.trouble}; what cannot be recorded is dropped and counted")
@@ -217,7 +217,7 @@ class RecordNode(Node):
         losses = {f"{name} {topic}": n for name in ("dropped", "missed") for topic, n in getattr(state, name).items()}
         text, failed = str(state.trouble or "recording"), state.trouble is not None
         self._status.publish(text, warn=losing, error=failed, reason=state.trouble, code=code_name(state.trouble), **counts, **losses)
-        self._told, self._when = state, time.monotonic()
+        self._published, self._when = state, time.monotonic()
 
     def _subscribe(self, name: str, kind: str, offered: list[QoSProfile]) -> None:
         try:
@@ -228,7 +228,7 @@ class RecordNode(Node):
             return
         check_for_type_support(message)
         with self.handle:
-            handle = rclpy_implementation.Subscription(self.handle, message, name, compatible(ALL, offered).get_c_qos_profile())
+            handle = rclpy_implementation.Subscription(self.handle, message, name, compatible(KEEP_ALL, offered).get_c_qos_profile())
         publishers = lambda: frozenset(bytes(info.endpoint_gid) for info in self.get_publishers_info_by_topic(name))  # noqa: E731
         self._topics[name] = _Topic(handle, message, SequenceGaps(publishers))
 
@@ -237,7 +237,7 @@ class RecordNode(Node):
         batch = []
         for name, topic in self._topics.items():
             with topic.handle:
-                for _ in range(ALL.depth):
+                for _ in range(KEEP_ALL.depth):
                     if not (taken := topic.handle.take_message(topic.message, True)):
                         break
                     data, info = taken

@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
-from tt_core.ros.bags import TYPES, BagError, bag_files, unpacked
+from tt_core.ros.bags import TYPESTORE, BagError, bag_files, unpacked
 
 from .bagfile import COMPRESSIONS, BagFile, Summary
 
@@ -108,10 +108,10 @@ def _copy(file: Path, bag: BagFile) -> None:
 
 
 def _types(schema: Schema) -> Typestore:
-    if schema.name in TYPES.fielddefs:
-        return TYPES
+    if schema.name in TYPESTORE.fielddefs:
+        return TYPESTORE
     types = get_typestore(Stores.EMPTY)
-    types.register({**TYPES.fielddefs, **get_types_from_msg(schema.data.decode(), schema.name)})
+    types.register({**TYPESTORE.fielddefs, **get_types_from_msg(schema.data.decode(), schema.name)})
     return types
 
 

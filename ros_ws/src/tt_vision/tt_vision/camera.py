@@ -246,11 +246,13 @@ def calibrate(
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
     rotation, translation, focal = resection(points, pixels - middle, None if focal_length is None else focal_length / pixel_size)
 
+    turn, shift, log_focal, radial = slice(0, 3), slice(3, 6), 6, slice(7, 9)  # elements of the unknowns (9,)
+
     def camera(x: Array) -> Camera:
-        turned = cv2.Rodrigues(x[:3])[0] @ rotation
-        focal_length_now = focal_length if focal_length is not None else math.exp(x[6]) * pixel_size
+        turned = cv2.Rodrigues(x[turn])[0] @ rotation
+        focal_length_now = focal_length if focal_length is not None else math.exp(x[log_focal]) * pixel_size
         return Camera(
-            turned, x[3:6], focal_length_now, pixel_size, width, height, None, np.append(x[7:9], [0.0, 0.0]) if distortion else None
+            turned, x[shift], focal_length_now, pixel_size, width, height, None, np.append(x[radial], [0.0, 0.0]) if distortion else None
         )
 
     start = np.concatenate([np.zeros(3), translation, [math.log(focal)], np.zeros(2)])

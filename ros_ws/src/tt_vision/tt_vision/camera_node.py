@@ -35,8 +35,8 @@ from .capture.sources import Calibration, SourceError, SourceParams, StampedImag
 from .rig import SIDES, high_speed_pair
 
 UPGRADE = 3.0  # s, longest time to wait for reliable subscriptions; estimate_node makes them so once it has discovered this publisher
-ACKNOWLEDGED = 200  # number of images between two waits for acknowledgement by all subscribers
-SETTLED = 1.0  # s for which the subscriptions must not change; on a busy machine some are discovered so much later than others
+IMAGES_PER_ACKNOWLEDGEMENT = 200  # number of images between two waits for acknowledgement by all subscribers
+SUBSCRIPTION_TIME = 1.0  # s for which the subscriptions must not change; on a busy machine some are discovered so much later than others
 
 
 class CameraLine(Enum):
@@ -49,7 +49,7 @@ class CameraLine(Enum):
 
 
 @dataclass(frozen=True)
-class PlayParams:
+class ImagePlayParams:
     """Parameters of the node that determine how the images of a recording are published: speed, stamps, repetition and waiting."""
 
     speed: float = param(1.0, "", "speed of a recording, recorded seconds per second; 0: as fast as it is read", low=0.0, high=100.0)
@@ -87,7 +87,11 @@ class CameraNode(Node):
     def __init__(self) -> None:
         """Declare the parameters, read the first image, then start a thread that publishes the images."""
         super().__init__("camera")
-        self.source, self.play, self.device = declare(self, SourceParams), declare(self, PlayParams), declare(self, DeviceParams, "device.")
+        self.source, self.play, self.device = (
+            declare(self, SourceParams),
+            declare(self, ImagePlayParams),
+            declare(self, DeviceParams, "device."),
+        )
         self.counts = DeviceCounts()
         rig = high_speed_pair()
         defaults = [Intrinsics(tuple(camera.matrix.ravel().tolist())) for camera in rig]
@@ -113,7 +117,8 @@ class CameraNode(Node):
         with closing(self.read_images()) as source:
             first = next(source)  # a source that cannot be read ends the node here
         self.size = first.image.shape
-        self.publish_info(self.size[1], self.size[0])
+        height, width = self.size
+        self.publish_info(width, height)
         if not self.recorded:
             self.create_timer(1.0, lambda: self.status.publish("capturing", **asdict(self.counts)))
         threading.Thread(target=self.publish_all, daemon=True).start()
@@ -178,7 +183,7 @@ class CameraNode(Node):
                 known, changed = found, now
             if all(is_heard(self, publisher) for publisher in (*self.images, *self.infos)):
                 patience = min(patience, now + UPGRADE)
-                if now > changed + SETTLED and (now > patience or all(map(self.is_discovered, self.images, self.infos))):
+                if now > changed + SUBSCRIPTION_TIME and (now > patience or all(map(self.is_discovered, self.images, self.infos))):
                     break
             time.sleep(0.05)
         for publisher in self.infos:  # nodes discover publishers in the order of their creation: one that has this message knows the others
@@ -221,7 +226,7 @@ class CameraNode(Node):
                 first, shift = image, self.now() - image.time if self.play.restamp else 0.0
             if self.play.speed and self.recorded:
                 time.sleep(max(0.0, (image.time - first.time) / self.play.speed - (time.monotonic() - start)))
-            if self.recorded and not count % ACKNOWLEDGED:  # no image is overwritten before it has arrived
+            if self.recorded and not count % IMAGES_PER_ACKNOWLEDGEMENT:  # no image is overwritten before it has arrived
                 for publisher in self.images:
                     publisher.wait_for_all_acked(Duration(seconds=1.0))
             self.images[image.side].publish(image_to_message(image.image, image.time + shift, f"{SIDES[image.side]}_optical"))

@@ -26,7 +26,7 @@ from tt_core.priority import MEASUREMENT
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_INFO, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RECORDED, RELIABLE, SENSOR
@@ -38,7 +38,7 @@ from .capture.assembler import Assembler, BurstParams
 from .capture.burst import Burst
 from .detection.illumination import CalibratedLamps
 from .detection.lens_correction import Lens, straighten
-from .first_look import FirstLook
+from .first_estimate import FirstEstimator
 from .measure import Measurement, first_measurement, measure_burst
 from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
@@ -46,7 +46,6 @@ from .warm import warm
 
 LARGEST_IMAGE = 2**24 + 4096  # bytes of a message, for 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 MOST_HELD = 8  # number of bursts, of twelve images of 54 kB each
-LARGEST_INFO = 4096  # bytes of a message; one with 14 coefficients has 500
 
 
 class BurstReason(Enum):
@@ -149,7 +148,7 @@ class EstimateNode(Node):
         self.lenses: list[Lens | None] = [None, None]
         alone = self.assembler.params.alone
         self.sides = [SIDES.index(alone)] if alone else [0, 1]
-        self.look: FirstLook | None = None  # first estimate of the present ball, in progress
+        self.estimator: FirstEstimator | None = None  # first estimate of the present ball, in progress
         self.searching = ThreadPoolExecutor(1, "spin search")
         self.held: deque[Burst] = deque(maxlen=MOST_HELD)  # bursts that came before the calibration of their cameras
         self.measured, self.refused = 0, 0
@@ -209,29 +208,29 @@ class EstimateNode(Node):
         if burst is not None:
             self.on_burst(burst)
         else:
-            self.look_at_newest()
+            self.add_newest()
 
-    def look_at_newest(self) -> None:
+    def add_newest(self) -> None:
         """Process the newest frame (pair of images) of the present ball for its first estimate, while the next frame arrives.
 
         Nothing is done while the intrinsics of a camera are unknown, or if images have to be resampled because of lens distortion.
         """
         pairs = self.assembler.present
         if not pairs:
-            self.look = None
+            self.estimator = None
             return
-        if len(pairs) == 1 and (self.look is None or self.look.times != [pairs[0].time]):
-            self.look = self.new_look()
-        if self.look is None or len(self.look.times) == len(pairs):
+        if len(pairs) == 1 and (self.estimator is None or self.estimator.times != [pairs[0].time]):
+            self.estimator = self.new_estimator()
+        if self.estimator is None or len(self.estimator.times) == len(pairs):
             return
-        newest = pairs[-1]
-        if len(self.look.times) != len(pairs) - 1 or any(time >= newest.time for time in self.look.times):  # they came in disorder
-            self.look = None
+        newest, times = pairs[-1], self.estimator.times
+        if len(times) != len(pairs) - 1 or any(time >= newest.time for time in times):  # they came in disorder
+            self.estimator = None
             return
-        self.look.add(newest.time, [one.image for one in newest.seen], [one.detection for one in newest.seen])
+        self.estimator.add(newest.time, [one.image for one in newest.seen], [one.detection for one in newest.seen])
 
-    def new_look(self) -> FirstLook | None:
-        """Create the `FirstLook` for a new ball.
+    def new_estimator(self) -> FirstEstimator | None:
+        """Create the `FirstEstimator` for a new ball.
 
         Returns:
             None while the intrinsics of a camera are unknown, or if a lens has so much distortion that images have to be resampled.
@@ -240,22 +239,22 @@ class EstimateNode(Node):
         if len(lenses) < len(self.sides) or not all(lens.is_nearly_straight for lens in lenses):
             return None
         cameras = [lens.camera(self.poses[side]) for lens, side in zip(lenses, self.sides, strict=True)]
-        return FirstLook(cameras, self.search, self.lamps, self.searching)
+        return FirstEstimator(cameras, self.search, self.lamps, self.searching)
 
-    def look_at_rest(self, burst: Burst) -> FirstLook | None:
-        """Add those frames of a complete burst to the present `FirstLook` that have not been processed yet, and return it.
+    def add_rest(self, burst: Burst) -> FirstEstimator | None:
+        """Add those frames of a complete burst to the present `FirstEstimator` that have not been processed yet, and return it.
 
         Returns:
             None if the frames of this burst were not processed while they arrived.
         """
-        look, self.look = self.look, None
-        if look is None or look.times != burst.times[: len(look.times)].tolist():
+        estimator, self.estimator = self.estimator, None
+        if estimator is None or estimator.times != burst.times[: len(estimator.times)].tolist():
             return None
-        for k in range(len(look.times), len(burst)):
-            look.add(float(burst.times[k]), [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
+        for k in range(len(estimator.times), len(burst)):
+            estimator.add(float(burst.times[k]), [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
         if self.assembler.present:  # a longer burst of the same ball follows
-            self.look = look
-        return look
+            self.estimator = estimator
+        return estimator
 
     def on_burst(self, burst: Burst) -> None:
         """Measure position, velocity and spin of the ball from a burst, and publish the ball or the reason why there is no result.
@@ -272,8 +271,8 @@ class EstimateNode(Node):
             return
         try:
             straight = straighten(burst, lenses, [self.poses[side] for side in self.sides])
-            look = self.look_at_rest(straight)
-            first = None if look is None else look.estimate(straight)
+            estimator = self.add_rest(straight)
+            first = None if estimator is None else estimator.estimate(straight)
             if first is not None and not burst.refined:
                 self.publish_first(first_measurement(straight, first, self.air), last)
             result = measure_burst(straight, air=self.air, lamps=self.lamps, search=self.search, first=first)

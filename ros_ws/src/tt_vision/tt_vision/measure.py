@@ -3,10 +3,10 @@
 A burst holds the images of one ball's passage through the high speed cameras (about six pairs). "Marks" are the printed or drawn dots on
 the ball. The measurement has these stages, each of them a function that takes the result of the one before; all are called in this module:
 
-    Burst -> detect_balls, whole_balls -> FirstLook -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
+    Burst -> detect_balls, whole_balls -> FirstEstimator -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
     -> refine_distance (of a single camera) -> estimate_from
 
-`FirstLook` makes the first estimate from images at half the resolution. The stages after it work at the full resolution.
+`FirstEstimator` makes the first estimate from images at half the resolution. The stages after it work at the full resolution.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from tt_core.arrays import Array, Image
 from tt_core.errors import BadChoice, BadShape
 from tt_core.failures import Failure
 from tt_core.flight import Aerodynamics
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 
 from .camera import Camera
-from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst, Image
+from .capture.burst import LEAST_FRAMES, MOST_FRAMES, Burst
 from .detection.ball_detection import DetectionReason, detect_balls, first_reason, whole_balls
 from .detection.illumination import CalibratedLamps
-from .first_look import FirstEstimate, look_at
+from .first_estimate import FirstEstimate, estimator_of
 from .motion_fit import BallMotion, MotionReason, motion_doubt, refit_motion
 from .spin.dissertation import method_1, method_2
 from .spin.distance_refinement import refine_distance
 from .spin.estimate import SpinEstimate, SpinReason, estimate_from
 from .spin.limb_refinement import limb_outlines
 from .spin.registration import (
-    DEFAULT,
+    DEFAULT_SEARCH,
     ROUGH_STEP,
     Registration,
     SearchParams,
@@ -46,9 +47,9 @@ from .spin.soft_surface import softened
 from .spin.surface_map import SurfaceMap, cut_surface
 
 AIR = Aerodynamics.measured()
-HOPELESS = 0.2  # residual above which refined outlines do not help; a ball half in the dark whose position is 1.6 mm off has 0.12
+UNREFINABLE_RESIDUAL = 0.2  # above which refined outlines do not help; a ball half in the dark whose position is 1.6 mm off has 0.12
 DISSERTATION = {"liu": method_2, "correlation": method_1}
-METHODS = ("registration", *DISSERTATION)
+SPIN_METHODS = ("registration", *DISSERTATION)
 
 
 class MeasurementReason(Enum):
@@ -113,7 +114,7 @@ def measure(
     *,
     air: Aerodynamics = AIR,
     lamps: CalibratedLamps | None = None,
-    search: SearchParams = DEFAULT,
+    search: SearchParams = DEFAULT_SEARCH,
 ) -> Measurement:
     """Measure position, velocity and spin of the ball from the images of two cameras, or of one.
 
@@ -163,7 +164,7 @@ def measure_burst(
     *,
     air: Aerodynamics = AIR,
     lamps: CalibratedLamps | None = None,
-    search: SearchParams = DEFAULT,
+    search: SearchParams = DEFAULT_SEARCH,
     first: FirstEstimate | None = None,
 ) -> Measurement:
     """Measure position, velocity and spin of the ball from a burst (the images of one ball's passage through the cameras).
@@ -212,7 +213,7 @@ def estimate_spin(
     *,
     method: str = "registration",
     lamps: CalibratedLamps | None = None,
-    search: SearchParams = DEFAULT,
+    search: SearchParams = DEFAULT_SEARCH,
 ) -> SpinEstimate:
     """Estimate the spin of the ball from images in which the whole ball is visible.
 
@@ -243,14 +244,14 @@ def estimate_spin(
     if method in DISSERTATION:
         return SpinEstimate.without_covariance(*DISSERTATION[method](burst))
     if method != "registration":
-        raise BadChoice("method", method, METHODS)
-    found = _spin(burst, look_at(burst, search, lamps).estimate(burst), search)
+        raise BadChoice("method", method, SPIN_METHODS)
+    found = _spin(burst, estimator_of(burst, search, lamps).estimate(burst), search)
     return found.spin or SpinEstimate.refused(found.reason)  # type: ignore[arg-type]
 
 
 def _estimate(burst: Burst, lamps: CalibratedLamps | None, search: SearchParams, first: FirstEstimate | None = None) -> _Estimate:
     """Estimate motion and spin from a burst with detections, in which every image shows the whole ball; `first`: its first estimate."""
-    first = first or look_at(burst, search, lamps).estimate(burst)
+    first = first or estimator_of(burst, search, lamps).estimate(burst)
     if first.motion is not None and (doubt := motion_doubt(first.motion)):
         return _Estimate(first.motion, None, doubt)
     found = _spin(burst, first, search)
@@ -270,7 +271,7 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
         return _Estimate(motion, None if motion is None else SpinEstimate.refused(reason), reason)
     surface, cameras, is_refined = cut_surface(burst, motion, light), len(burst.cameras), False
     shown = 4.0 * soft.weights.reshape(cameras, -1).sum(axis=1, dtype=np.float64)  # pixels of the full resolution
-    if search.second_look and not found.agrees and found.residual < HOPELESS:
+    if search.second_look and not found.agrees and found.residual < UNREFINABLE_RESIDUAL:
         refined = _refine(burst, motion, surface, register_marks(soft, found, search), shown, search)
         if not isinstance(refined, Failure):
             motion, surface, found = refined

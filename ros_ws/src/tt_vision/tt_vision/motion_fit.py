@@ -25,19 +25,19 @@ from .detection.outline import scan_outline
 from .projection import CameraModel, ray, rotate_back, to_camera, unpack_camera
 
 EDGE_PRIOR = 0.6  # pixels, standard deviation of the edge shift of a camera before any measurement
-LEAST_POINTS = 16  # least average number of outline points in an image: a quarter of the outline
+LEAST_OUTLINE_POINTS = 16  # least average number of outline points in an image: a quarter of the outline
 LIGHT_ERROR = (
     12e-6,
     45e-6,
 )  # m, standard deviation across and along the lines of sight of the error in all frames alike by light that is brighter on one side
-CALIBRATED_LIGHT = 0.5  # factor on LIGHT_ERROR if the lamps are calibrated
+CALIBRATED_LIGHT_FACTOR = 0.5  # factor on LIGHT_ERROR if the lamps are calibrated
 REFIT_TRUST = 0.5  # weight of the refitted position, because the light at the outline is only extrapolated from that further inside
 VAGUE_OUTLINE = 0.4  # pixels rms; first outlines with a larger residual do not count in the refitted position; 0.1 to 0.3 are usual
 AIR_ERROR = 0.1  # relative standard deviation of the acceleration by the air
 OFFSET_ERROR = 0.1  # pixels; half of an offset of this length is attributed to the calibration, half to errors of the outlines
 LITTLE_ASIDE = 0.02  # pixels; a smaller alignment moves the ball by less than the noise
 MOST_OFFSET = 5.0  # pixels, largest offset of a camera with which a fit is accepted; 0.3 is usual where the light is bad
-LEAST_STEP = 1e-6  # m, and 100 times that in m/s: a fit ends after a shorter step, which shifts no pixel noticeably
+LEAST_MOTION_STEP = 1e-6  # m, and 100 times that in m/s: a fit ends after a shorter step, which shifts no pixel noticeably
 FIRST_LEAST_STEP = 1e-4  # the same for the first fit; it is 0.07 pixels
 FIRST_REACH = 0.35  # of the radius: distance from the rough outline within which the first fit scans for the outline
 FINE_REACH = 4.0  # pixels, distance from the expected outline within which later fits scan for the outline
@@ -45,7 +45,7 @@ MOST_RESIDUAL = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with camera
 MOST_APART = 3.0  # pixels, largest offset in u or v of a camera with which a motion is believed
 MOST_EDGE = 2.0  # pixels, largest edge shift of a camera: 1.4 with 3 pixels of blur, 2.4 with the camera 10 cm out of place
 FALL = (0.0, 0.0, -GRAVITY)  # m/s^2, in `table`
-STEPS = 12  # largest number of steps of a fit
+MOST_FIT_STEPS = 12  # largest number of steps of a fit
 TUKEY = 4.7  # standard deviations beyond which a point has no weight
 
 
@@ -120,12 +120,13 @@ class BallMotion:
         """
         tau = np.asarray(times) - self.time
         line = np.linalg.lstsq(np.stack([np.ones_like(tau), tau], axis=1), 0.5 * tau * tau, rcond=None)[0]
+        shift, rate = line
         more = np.asarray(acceleration) - self.acceleration
         sigma = AIR_ERROR * np.outer(line, more).ravel()
         return replace(
             self,
-            position=self.position - line[0] * more,
-            velocity=self.velocity - line[1] * more,
+            position=self.position - shift * more,
+            velocity=self.velocity - rate * more,
             acceleration=self.acceleration + more,
             covariance=self.covariance + np.outer(sigma, sigma),
         )
@@ -301,7 +302,7 @@ def _solve(
     offsets: Array,
     *,
     is_light_calibrated: bool = False,
-    least_step: float = LEAST_STEP,
+    least_step: float = LEAST_MOTION_STEP,
 ) -> BallMotion | Failure:
     """Fit the motion to outline points, starting from a state.
 
@@ -318,7 +319,7 @@ def _solve(
         The motion, or the reason why none was found.
     """
     tau, cameras = setup.tau, burst.cameras
-    if len(points) < LEAST_POINTS * len(tau) * len(cameras):
+    if len(points) < LEAST_OUTLINE_POINTS * len(tau) * len(cameras):
         return Failure(MotionReason.FEW_POINTS, points=len(points), images=len(tau) * len(cameras))
     try:
         fit = _fit(points, setup, state, calibration_part(offsets), least_step)
@@ -333,7 +334,7 @@ def _solve(
     position = state[:3] + last * state[3:6] + 0.5 * last * last * setup.acceleration
     velocity = state[3:6] + last * setup.acceleration
     covariance = move @ fit.covariance[:6, :6] @ move.T
-    across, along = np.array(LIGHT_ERROR) * (CALIBRATED_LIGHT if is_light_calibrated else 1.0)
+    across, along = np.array(LIGHT_ERROR) * (CALIBRATED_LIGHT_FACTOR if is_light_calibrated else 1.0)
     sight = np.mean([(position - c.position) / np.linalg.norm(position - c.position) for c in cameras], axis=0)
     covariance[:3, :3] += across**2 * np.eye(3) + (along**2 - across**2) * np.outer(sight, sight) / (sight @ sight)
     motion = BallMotion(
@@ -373,9 +374,9 @@ def _first_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
     """Find the outline points (n,) OUTLINE_POINT in a wide ring around the detected ball in each image."""
     found = []
     for c, row in enumerate(burst.detections):
-        for k, (ball, circle) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
-            reach = max(FIRST_REACH * circle[2], FINE_REACH)
-            points = scan_outline(burst.images[c][k], ball.u, ball.v, circle[2] - reach, circle[2] + reach, ball.contrast)
+        for k, (ball, (_, _, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
+            reach = max(FIRST_REACH * radius, FINE_REACH)
+            points = scan_outline(burst.images[c][k], ball.u, ball.v, radius - reach, radius + reach, ball.contrast)
             points["camera"], points["frame"] = c, k
             found.append(points)
     return np.concatenate(found)
@@ -532,7 +533,7 @@ def _fit(points: np.ndarray, setup: FitSetup, state: Array, aside: Array, least_
     w, rays = np.zeros(len(points)), bearings(points, setup.vectors)
     r, directions = np.empty(0), np.empty((0, 2))
     h, g, of_camera = np.empty((size, size)), np.empty(size), np.empty((cameras, 7, 7))
-    for step in range(STEPS):
+    for step in range(MOST_FIT_STEPS):
         r, j, directions = distances(points, rays, setup, state)
         for i in range(len(points)):
             c = points[i].camera

@@ -9,7 +9,7 @@ import numpy as np
 from tt_core.errors import TtError
 from tt_core.states import Array
 
-LEAST_POINTS = 6
+LEAST_RESECTION_POINTS = 6
 
 
 class CannotCalibrate(TtError):
@@ -43,8 +43,8 @@ def resection(points: Array, pixels: Array, focal: float | None) -> Resection:
     Raises:
         CannotCalibrate: Fewer than six points, or points in one plane.
     """
-    if len(points) < LEAST_POINTS:
-        raise CannotCalibrate(f"{len(points)} points cannot calibrate a camera, {LEAST_POINTS} needed")
+    if len(points) < LEAST_RESECTION_POINTS:
+        raise CannotCalibrate(f"{len(points)} points cannot calibrate a camera, {LEAST_RESECTION_POINTS} needed")
     centre, scale = points.mean(axis=0), max(float(points.std()), 1e-12)
     homogeneous = np.column_stack([(points - centre) / scale, np.ones(len(points))])
     size = max(float(np.abs(pixels).max()), 1e-12)

@@ -18,7 +18,7 @@ from tt_core.params import check, param
 from tt_core.priority import RESPONSE
 from tt_core.ros.convert import ball_from_message, ball_to_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_PHYSICS, LARGEST_STATE, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE
@@ -29,9 +29,6 @@ from .rig import CLOCK_SPREAD, WIDE_BIAS, WIDE_NOISE, WIDE_SIDES, wide_pair
 from .tracking import Tracker, TrackerParams
 from .warm import warm_tracker
 from .wide_inputs import WideInputs
-
-LARGEST_PHYSICS = 1 << 15  # bytes of a message; learnt coefficients have 3,000
-LARGEST_STATE = 4096  # bytes of a message; a state has 730
 
 
 class TrackLine(Enum):

@@ -10,7 +10,7 @@ from tt_core.states import Array
 
 from .projection import ray, unpack_camera
 
-PASSES = 3  # each with the depths of the one before; the first one takes all depths as equal
+DEPTH_PASSES = 3  # each with the depths of the one before; the first one takes all depths as equal
 
 
 class NormalEquations(NamedTuple):
@@ -63,7 +63,7 @@ def triangulate_points(vectors: Array, pixels: Array) -> Array:
         for j in range(m):
             rays[j] = ray(unpack_camera(vectors[j]).optics, pixels[j, i, 0], pixels[j, i, 1])
             depths[j] = 1.0
-        for _ in range(PASSES):
+        for _ in range(DEPTH_PASSES):
             sums = NormalEquations(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             for j in range(m):
                 c, x, y, depth = unpack_camera(vectors[j]), rays[j, 0], rays[j, 1], depths[j]

@@ -11,7 +11,7 @@ from tt_core.states import Array, BallState
 
 from .camera import Camera
 from .detection.illumination import CalibratedLamps
-from .first_look import SEARCHED
+from .first_estimate import SEARCHED
 from .measure import measure
 from .spin.coarse_search import prepare_search
 from .tracking import Tracker

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo
 from tt_core.errors import TtError
 from tt_core.ros.convert import camera_from_message, pixel_from_message
 from tt_core.ros.diagnostics import Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_INFO, Input
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, SENSOR
 from tt_core.ros.refusals import Refusals
@@ -22,7 +22,6 @@ from .camera_pose import CameraPose
 from .rig import WIDE_SIDES, wide_pair
 
 LARGEST_PIXEL = 1024  # bytes of a message; a pixel has 60
-LARGEST_INFO = 4096  # bytes of a message; one with 14 coefficients has 500
 
 
 class WideInputs:

@@ -17,13 +17,13 @@ import pinocchio as pin
 from tt_core.states import Array
 
 from .meshes import triangles
-from .urdf import Description, UrdfError, UrdfFailure, numbers
+from .urdf import CheckedUrdf, UrdfError, UrdfFailure, numbers
 
 STRIPS = 4  # largest number of capsules side by side that enclose one box
 MOST_SPLITS = 2  # how often a mesh is halved at most, so up to 4 capsules enclose it
 WORTH = 0.7  # several capsules replace one if their volume is less than this share of its volume
 LITTLE_MORE = 1.3  # one capsule replaces two if its volume is at most this multiple of theirs
-SLACK = 1e-9  # m, added to a radius that is computed from points, for rounding
+RADIUS_SLACK = 1e-9  # m, added to a radius that is computed from points, for rounding
 SHAPES = {"sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "box": ("size",), "mesh": ()}
 
 
@@ -100,12 +100,12 @@ def _along(points: Array, axis: Array) -> Capsule:
         centre = centre + (flat[np.linalg.norm(flat - centre, axis=1).argmax()] - centre) / k
     centre = centre - (centre @ axis) * axis
     off = np.linalg.norm(flat - centre, axis=1)
-    radius = float(off.max()) + SLACK
+    radius = float(off.max()) + RADIUS_SLACK
     ball = np.sqrt(radius**2 - off**2)  # how far beyond the segment a point so far off its line may be
     low, high = float((height + ball).min()), float((height - ball).max())
     if low > high:
         low = high = 0.5 * (low + high)
-        radius = float(np.linalg.norm(points - (centre + low * axis), axis=1).max()) + SLACK
+        radius = float(np.linalg.norm(points - (centre + low * axis), axis=1).max()) + RADIUS_SLACK
     return Capsule(centre + low * axis, centre + high * axis, radius)
 
 
@@ -159,7 +159,7 @@ def merged(parts: list[Capsule]) -> list[Capsule]:
     return parts
 
 
-def capsules(description: Description) -> dict[str, list[Capsule]]:
+def capsules(description: CheckedUrdf) -> dict[str, list[Capsule]]:
     """Return the capsules that enclose the collision elements of each link of an arm.
 
     Args:

@@ -14,15 +14,15 @@ from tt_core.states import Array
 from ..dynamics import Links
 from ..kinematics import Bodies, Chain
 from .bodies import Capsule, merged
-from .urdf import RACKET
+from .urdf import RACKET_LINK
 
 BLADE_ALLOWANCE = 0.005  # m beyond the racket's radius: a blade is 157 mm long and 150 mm wide, and the disc has the width
 ABOUT = 1e-3  # m; a body whose segment is nearer to a joint's axis than this counts as lying along it
-RIM = RACKET_RADIUS + BLADE_ALLOWANCE  # m, radius of the disc that represents the racket
+RACKET_DISC_RADIUS = RACKET_RADIUS + BLADE_ALLOWANCE  # m, radius of the disc that represents the racket
 HANDLE_RADIUS = 0.018  # m, half the width of a usual handle
 
 
-class Frames(NamedTuple):
+class JointFrames(NamedTuple):
     """Frames of the n joints of an arm, in each of which the z axis is the axis of the joint.
 
     Attributes:
@@ -36,7 +36,7 @@ class Frames(NamedTuple):
     linear: npt.NDArray[np.bool_]
 
 
-def joint_frames(model: pin.Model) -> Frames:
+def joint_frames(model: pin.Model) -> JointFrames:
     """Compute the frames of the joints of pinocchio's model, in the order from base to racket."""
     data = model.createData()
     zero = pin.neutral(model)
@@ -50,10 +50,10 @@ def joint_frames(model: pin.Model) -> Frames:
         linear.append(is_linear)
     before = [pin.SE3.Identity(), *own]
     placements = [before[i].inverse() * model.jointPlacements[i + 1] * own[i] for i in range(len(own))]
-    return Frames(placements, own, np.array(linear))
+    return JointFrames(placements, own, np.array(linear))
 
 
-def links(model: pin.Model, frames: Frames) -> Links:
+def links(model: pin.Model, frames: JointFrames) -> Links:
     """Return masses and inertias of the bodies that the joints move.
 
     Args:
@@ -68,14 +68,14 @@ def links(model: pin.Model, frames: Frames) -> Links:
     )
 
 
-def chain(model: pin.Model, frames: Frames) -> Chain:
+def chain(model: pin.Model, frames: JointFrames) -> Chain:
     """Return the geometry of the joints and of the racket's mount.
 
     Args:
         model: Pinocchio's model of the arm, placed in `table`.
         frames: Frames of its joints.
     """
-    racket = model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)]
+    racket = model.frames[model.getFrameId(RACKET_LINK, pin.FrameType.BODY)]
     mount = frames.own[-1].inverse() * racket.placement
     return Chain(
         linear=frames.linear,
@@ -86,7 +86,7 @@ def chain(model: pin.Model, frames: Frames) -> Chain:
     )
 
 
-def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, list[Capsule]]) -> Bodies:
+def bodies(model: pin.Model, frames: JointFrames, joints: Chain, capsules: dict[str, list[Capsule]]) -> Bodies:
     """Return the bodies of the arm for collision checks, still without the pairs that must not touch each other.
 
     Args:
@@ -101,8 +101,8 @@ def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, 
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
         owner = frame.parentJoint - 1
         place = frame.placement if owner < 0 else frames.own[owner].inverse() * frame.placement
-        if link == RACKET:  # what is within the disc is the blade
-            parts = [part for part in parts if max(np.hypot(*part.start[:2]), np.hypot(*part.end[:2])) + part.radius > RIM]
+        if link == RACKET_LINK:  # what is within the disc is the blade
+            parts = [part for part in parts if max(np.hypot(*part.start[:2]), np.hypot(*part.end[:2])) + part.radius > RACKET_DISC_RADIUS]
         owned += [_inwards(owner, part.moved(place), frames) for part in parts]
     owned += [_inwards(n - 1, capsule, frames) for capsule in _handle(model, frames, joints.mount_position)]
     owned = [(owner, capsule) for owner in range(-1, n) for capsule in merged([c for own, c in owned if own == owner])]
@@ -116,13 +116,13 @@ def bodies(model: pin.Model, frames: Frames, joints: Chain, capsules: dict[str, 
         reaches=np.array([capsule.radius + 0.5 * float(np.linalg.norm(capsule.end - capsule.start)) for _, capsule in owned]),
         owners=np.array([owner for owner, _ in owned], dtype=np.int64),
         pairs=np.zeros((0, 2), np.int64),
-        rim=RIM,
+        rim=RACKET_DISC_RADIUS,
     )
     ranges = np.maximum(np.abs(model.lowerPositionLimit), np.abs(model.upperPositionLimit))
     return unfinished._replace(levers=_levers(unfinished, ranges))
 
 
-def _inwards(owner: int, capsule: Capsule, frames: Frames) -> tuple[int, Capsule]:
+def _inwards(owner: int, capsule: Capsule, frames: JointFrames) -> tuple[int, Capsule]:
     """Return the index of the joint that moves a capsule, and the capsule in the frame of this joint.
 
     It is `owner`, or an earlier joint if the capsule lies along the axis of `owner`, whose rotation then does not move it.
@@ -132,9 +132,9 @@ def _inwards(owner: int, capsule: Capsule, frames: Frames) -> tuple[int, Capsule
     return owner, capsule
 
 
-def _handle(model: pin.Model, frames: Frames, face: Array) -> list[Capsule]:
+def _handle(model: pin.Model, frames: JointFrames, face: Array) -> list[Capsule]:
     """Return a capsule for the handle, from the link on which the racket is mounted towards the face centre, up to the rim."""
-    parent = model.frames[model.frames[model.getFrameId(RACKET, pin.FrameType.BODY)].parentFrame]
+    parent = model.frames[model.frames[model.getFrameId(RACKET_LINK, pin.FrameType.BODY)].parentFrame]
     flange = parent
     while flange.type != pin.FrameType.BODY and flange.parentFrame != 0:
         flange = model.frames[flange.parentFrame]
@@ -143,7 +143,7 @@ def _handle(model: pin.Model, frames: Frames, face: Array) -> list[Capsule]:
     start = frames.own[-1].inverse().act(flange.placement.translation)
     way = face - start
     length = float(np.linalg.norm(way))
-    return [Capsule(start, start + way * (1.0 - RIM / length), HANDLE_RADIUS)] if length > RIM else []
+    return [Capsule(start, start + way * (1.0 - RACKET_DISC_RADIUS / length), HANDLE_RADIUS)] if length > RACKET_DISC_RADIUS else []
 
 
 def _levers(bodies: Bodies, ranges: Array) -> Array:

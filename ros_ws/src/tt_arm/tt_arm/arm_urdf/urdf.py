@@ -22,7 +22,7 @@ from tt_core.states import Array
 from .meshes import MeshNotFound, resolve
 
 LEAST_JOINTS, MOST_JOINTS = 5, 8  # numbers of moving joints; position and normal of the racket's face are five conditions
-RACKET = "racket"  # name of the link that is the racket
+RACKET_LINK = "racket"  # name of the link that is the racket
 RACKET_MASS = 0.18  # kg, of a usual racket with its rubbers
 RACKET_THICKNESS = 0.014  # m, blade and rubbers
 TURNS = 2.0 * math.pi  # rad, limit of a continuous joint in both directions, because the cable of a racket or a gripper winds up
@@ -107,7 +107,7 @@ class JointDescription:
 
 
 @dataclass(frozen=True)
-class Description:
+class CheckedUrdf:
     """Checked URDF of an arm with its racket.
 
     Attributes:
@@ -283,7 +283,7 @@ class _Tree:
         return [link for link in self.links if link not in self.parent.values()]
 
 
-def read(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions) -> Description:
+def read_urdf(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions) -> CheckedUrdf:
     """Read and check the URDF of an arm, mount the racket, and fix all joints that do not belong to the arm.
 
     Args:
@@ -321,7 +321,7 @@ def read(urdf: str, tip: str | None, mount: pin.SE3 | None, options: UrdfOptions
             if not _is_found(tree, visual):
                 element.remove(visual)
         _find_meshes(tree, name)
-    return Description(urdf, ET.tostring(tree.robot, encoding="unicode"), joints)
+    return CheckedUrdf(urdf, ET.tostring(tree.robot, encoding="unicode"), joints)
 
 
 def _check_names(tree: _Tree, options: UrdfOptions) -> None:
@@ -363,33 +363,33 @@ def _set_origin(element: ET.Element, placement: pin.SE3) -> None:
 
 def _put_racket(tree: _Tree, tip: str, mount: pin.SE3 | None) -> None:
     """Put the racket of the URDF, or else a usual racket, at the mount."""
-    if RACKET in tree.links:
-        joint = tree.above.get(RACKET)
+    if RACKET_LINK in tree.links:
+        joint = tree.above.get(RACKET_LINK)
         fixed = joint is not None and joint.get("type") == "fixed"
-        if tip == RACKET and (mount is None or (fixed and joint is not None)):
+        if tip == RACKET_LINK and (mount is None or (fixed and joint is not None)):
             if mount is not None and joint is not None:
                 _set_origin(joint, tree.origin(joint, "racket") * mount)
             return
         if joint is None or not fixed or tree.parent[str(joint.get("name"))] != tip:
-            raise UrdfError(UrdfFailure.RACKET_ELSEWHERE, urdf=tree.urdf, racket=RACKET, tip=tip)
+            raise UrdfError(UrdfFailure.RACKET_ELSEWHERE, urdf=tree.urdf, racket=RACKET_LINK, tip=tip)
         if mount is not None:
             _set_origin(joint, mount)
         return
-    name = f"{RACKET}_mount"
+    name = f"{RACKET_LINK}_mount"
     while name in tree.joints:
         name += "_"
     disc = RACKET_MASS * RACKET_RADIUS**2  # kg m^2
     blade = f'<geometry><cylinder radius="{RACKET_RADIUS}" length="{RACKET_THICKNESS}"/></geometry>'
     link = ET.fromstring(
-        f'<link name="{RACKET}"><inertial><mass value="{RACKET_MASS}"/><inertia ixx="{disc / 4}" iyy="{disc / 4}" izz="{disc / 2}" '
+        f'<link name="{RACKET_LINK}"><inertial><mass value="{RACKET_MASS}"/><inertia ixx="{disc / 4}" iyy="{disc / 4}" izz="{disc / 2}" '
         f'ixy="0" ixz="0" iyz="0"/></inertial><visual>{blade}</visual><collision>{blade}</collision></link>'
     )
-    joint = ET.fromstring(f'<joint name="{name}" type="fixed"><parent link=""/><child link="{RACKET}"/></joint>')
+    joint = ET.fromstring(f'<joint name="{name}" type="fixed"><parent link=""/><child link="{RACKET_LINK}"/></joint>')
     joint[0].set("link", tip)
     _set_origin(joint, mount or pin.SE3.Identity())
     tree.robot.extend([link, joint])
-    tree.links[RACKET], tree.joints[name], tree.above[RACKET] = link, joint, joint
-    tree.parent[name], tree.child[name] = tip, RACKET
+    tree.links[RACKET_LINK], tree.joints[name], tree.above[RACKET_LINK] = link, joint, joint
+    tree.parent[name], tree.child[name] = tip, RACKET_LINK
 
 
 def _fix(tree: _Tree, name: str, chain: list[str], fixed: Mapping[str, float]) -> None:

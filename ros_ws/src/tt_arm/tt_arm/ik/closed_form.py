@@ -54,8 +54,8 @@ def elbow_arm(model: pin.Model, racket: pin.SE3) -> ElbowArm | None:
         beside = i > 1 and max(np.abs(placed.rotation - np.eye(3)).max(), np.abs(placed.translation[:2]).max()) > STRAIGHT
         if beside:
             return None
-    heights = [0.0] + [float(model.jointPlacements[i].translation[2]) for i in range(2, 8)]
-    lengths = np.array([heights[0] + heights[1], heights[2] + heights[3], heights[4] + heights[5], heights[6]])
+    to_shoulder, to_3, to_elbow, to_5, to_wrist, to_7 = (float(model.jointPlacements[i].translation[2]) for i in range(2, 8))
+    lengths = np.array([to_shoulder, to_3 + to_elbow, to_5 + to_wrist, to_7])
     base = model.jointPlacements[1]
     constants = base.rotation, base.translation, lengths, racket.rotation, racket.translation
     return ElbowArm(*(np.array(constant, order="C") for constant in constants))

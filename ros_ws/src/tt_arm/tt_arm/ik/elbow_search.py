@@ -18,11 +18,14 @@ from ..joints import JointBounds
 from ..kinematics import Chain
 from .closed_form import ElbowArm, inverse
 from .posture_cost import (
+    REFINED_EXCESS,
+    REFINED_POSTURES,
+    STEEPEST_COST,
     BestPosture,
+    CostScratch,
     JointTasks,
     PostureQuestion,
     PostureTask,
-    Scratch,
     cost_of_joints,
     cost_scratch,
     joint_tasks,
@@ -31,12 +34,9 @@ from .posture_cost import (
 )
 
 SCATTERED = 173  # stride through the grid, so that a good posture is found early; a prime that is larger than any grid
-STARTS = 2  # number of postures of the grid that are refined
-CLOSE = 3.0  # largest excess over the lowest cost of the grid with which a posture may still be refined to the best one
-STEEP = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
-MOST_STEPS = 1000  # largest number of steps of one refinement, which takes about 30
+MOST_ELBOW_STEPS = 1000  # largest number of steps of one refinement, which takes about 30
 STEP_LEAST = 0.01  # rad, step size at which the refinement ends
-DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
+SEARCH_DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0))
 
 
 class Face(NamedTuple):
@@ -158,19 +158,19 @@ class Elbow(NamedTuple):
         task: Wanted velocity, joints and weights of the cost.
         arm: Geometry of the arm for the closed form.
         chain: Geometry of the arm.
-        scratch: Scratch memory of the cost.
+        scratch: CostScratch memory of the cost.
     """
 
     face: WantedFace
     task: PostureTask
     arm: ElbowArm
     chain: Chain
-    scratch: Scratch
+    scratch: CostScratch
 
 
 @njit(cache=True)
 def _posture(
-    at: Freedoms, face: WantedFace, task: PostureTask, arm: ElbowArm, chain: Chain, scratch: Scratch, bound: float, posture: Posture
+    at: Freedoms, face: WantedFace, task: PostureTask, arm: ElbowArm, chain: Chain, scratch: CostScratch, bound: float, posture: Posture
 ) -> float:
     """Compute the posture for given values of both freedoms, its best joint speeds and its cost.
 
@@ -180,7 +180,7 @@ def _posture(
         task: Data of the search.
         arm: Geometry of the arm for the closed form.
         chain: Geometry of the arm.
-        scratch: Scratch memory.
+        scratch: CostScratch memory.
         bound: Cost below which the posture must be.
         posture: Output: its arrays are filled.
 
@@ -208,11 +208,11 @@ def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: Refine
     face, task, arm, chain, scratch = elbow
     here_q, here_qdot, q, qdot = np.empty(7), np.empty(7), np.empty(7), np.empty(7)
     here = _posture(Freedoms(turn, swivel), face, task, arm, chain, scratch, math.inf, Posture(here_q, here_qdot))
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_ELBOW_STEPS):
         if size <= STEP_LEAST:
             break
         moved = False
-        for du, dv in DIRECTIONS:
+        for du, dv in SEARCH_DIRECTIONS:
             u, v = turn + du * size, swivel + dv * size
             cost = _posture(Freedoms(u, v), face, task, arm, chain, scratch, here, Posture(q, qdot))
             if cost < here:
@@ -222,7 +222,7 @@ def _descend(turn: float, swivel: float, size: float, elbow: Elbow, best: Refine
         if not moved:
             size *= 0.5
             same = max(abs(turn - best.turn), abs(swivel - best.swivel)) < 2.0 * size
-            if same or here > best.cost + STEEP * size:
+            if same or here > best.cost + STEEPEST_COST * size:
                 break
     return RefinedPosture(here, turn, swivel, here_q, here_qdot)
 
@@ -251,10 +251,10 @@ def elbow_search(face: Face, start: Array, limits: JointBounds, weights: Array, 
     for n in range(grid * grid):
         at = SCATTERED * n % (grid * grid)
         i, j = at // grid, at % grid
-        costs[i, j] = _posture(Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + CLOSE, Posture(q, qdot))
+        costs[i, j] = _posture(Freedoms(i * step, j * step), wanted, task, arm, chain, scratch, least + REFINED_EXCESS, Posture(q, qdot))
         least = min(least, costs[i, j])
     best = RefinedPosture(math.inf, math.inf, math.inf, start[0].copy(), np.zeros(7))
-    for _ in range(STARTS):
+    for _ in range(REFINED_POSTURES):
         at = int(np.argmin(costs))
         i, j = at // grid, at % grid
         if costs[i, j] == math.inf:

@@ -4,8 +4,8 @@ It starts from a seed (a posture) and changes it until the racket's face has the
 joints. The pseudo-inverse gives the shortest step that meets them, where 1 m of a linear joint counts as 1 rad. Damping in proportion to
 the squared error (Levenberg-Marquardt) keeps the steps small near singular postures and does not slow the last steps.
 
-`newton` ignores the position limits. The robot uses it to adjust a posture to a racket state that has changed a little. `settle` keeps the
-limits. `posture_search` uses it with seeds that may be far from the solution.
+`newton` ignores the position limits. The robot uses it to adjust a posture to a racket state that has changed a little.
+`converge_within_limits` keeps the limits. `posture_search` uses it with seeds that may be far from the solution.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from tt_core.states import Array
 from ..kinematics import Chain, forward_into
 from .velocity_allocation import ONES, steady_rows_into
 
-MOST_STEPS = 50
-TOLERANCE = 7e-10  # m, and rad about each of two axes, largest error of a solution: 1e-9 rad about both
+MOST_NEWTON_STEPS = 50
+FACE_TOLERANCE = 7e-10  # m, and rad about each of two axes, largest error of a solution: 1e-9 rad about both
 DAMPING = 1e-3  # damping per squared error (m^2, rad^2)
 LEAST_DAMPING = 1e-12
-LONGEST_STEP = 0.7  # rad or m, of any joint in one step of `settle`
+LONGEST_NEWTON_STEP = 0.7  # rad or m, of any joint in one step of `converge_within_limits`
 
 
 class NewtonPosture(NamedTuple):
@@ -151,20 +151,20 @@ def newton(position: Array, normal: Array, seed: Array, chain: Chain) -> NewtonP
     n = len(seed)
     q, rows, scratch = seed.copy(), np.empty((5, n)), newton_scratch(n)
     scratch.stuck[:] = 0.0
-    for step in range(MOST_STEPS + 1):
+    for step in range(MOST_NEWTON_STEPS + 1):
         forward_into(q, chain, scratch.point, scratch.rotation, scratch.jacobian)
         worst = _missing(position, normal, scratch.rotation, scratch.point, scratch.error)
         steady_rows_into(scratch.jacobian, scratch.rotation, ONES, rows)
-        if worst < TOLERANCE:
+        if worst < FACE_TOLERANCE:
             return NewtonPosture(True, q, rows)
-        if step < MOST_STEPS:
+        if step < MOST_NEWTON_STEPS:
             _least_step(rows, scratch)
             q += scratch.step
     return NewtonPosture(False, q, rows)
 
 
 @njit(cache=True)
-def settle(target: Target, bounds: Array, most: int, chain: Chain, q: Array, rows: Array, scratch: NewtonScratch) -> bool:
+def converge_within_limits(target: Target, bounds: Array, most: int, chain: Chain, q: Array, rows: Array, scratch: NewtonScratch) -> bool:
     """Change a posture by Newton's method until the racket's face has a wanted position and normal, within the position limits.
 
     A joint that a step would move beyond its limit stays at the limit, and the other joints make the motion instead.
@@ -186,7 +186,7 @@ def settle(target: Target, bounds: Array, most: int, chain: Chain, q: Array, row
         forward_into(q, chain, scratch.point, scratch.rotation, scratch.jacobian)
         worst = _missing(target.position, target.normal, scratch.rotation, scratch.point, scratch.error)
         steady_rows_into(scratch.jacobian, scratch.rotation, ONES, rows)
-        if worst < TOLERANCE:
+        if worst < FACE_TOLERANCE:
             return True
         if count == most:
             break
@@ -202,7 +202,7 @@ def settle(target: Target, bounds: Array, most: int, chain: Chain, q: Array, row
         longest = 0.0
         for i in range(n):
             longest = max(longest, abs(step[i]))
-        part = LONGEST_STEP / longest if longest > LONGEST_STEP else 1.0
+        part = LONGEST_NEWTON_STEP / longest if longest > LONGEST_NEWTON_STEP else 1.0
         for i in range(n):
             q[i] = min(bounds[i, 1], max(bounds[i, 0], q[i] + part * step[i]))
     return False

@@ -23,6 +23,9 @@ LIMIT_COST = 20.0  # per rad or m by which a joint comes nearer to its position 
 LATE_COST = 5.0  # for each of the times of LATER that is too short
 LATER = (1.0, 1.1, 1.4, 2.0, 3.0, 1e3)  # multiples of the swing time; with the last one, only the speed limits count
 TOO_FAST_COST = 50.0  # per 1 by which the largest share of the possible joint speeds exceeds 1
+REFINED_POSTURES = 2  # number of the found postures that are refined
+REFINED_EXCESS = 3.0  # largest excess over the lowest cost found with which a posture may still be refined to the best one
+STEEPEST_COST = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
 UNRESOLVED = 1e-6  # m/s, largest error of the velocity that joint speeds may leave; a posture with a larger one is singular
 
 
@@ -102,7 +105,7 @@ class SpeedRange(NamedTuple):
     back: float
 
 
-class Scratch(NamedTuple):
+class CostScratch(NamedTuple):
     """Scratch memory for the cost of a posture.
 
     A "share" is a joint speed's difference from the middle of the joint's possible range of speeds, over half of the width of this range.
@@ -135,9 +138,9 @@ class Scratch(NamedTuple):
 
 
 @njit(cache=True)
-def cost_scratch(n: int) -> Scratch:
+def cost_scratch(n: int) -> CostScratch:
     """Return scratch memory for the cost of a posture of an arm with n joints."""
-    return Scratch(
+    return CostScratch(
         np.empty(3), np.empty((3, 3)), np.empty((6, n)), np.empty((5, n)), np.empty((5, n)),
         np.empty(n), np.empty(n), np.empty(5), np.empty(n), np.empty(n), np.empty(n),
     )  # fmt: skip
@@ -222,7 +225,7 @@ def _largest(n: int, shares: Array) -> float:
 
 
 @njit(cache=True, inline="always")
-def _hold_face_still(n: int, scratch: Scratch, affordable: float) -> bool:
+def _hold_face_still(n: int, scratch: CostScratch, affordable: float) -> bool:
     """Fill `scratch.steady` with shares that turn the face as little as `affordable` permits, with the same velocity of the face centre.
 
     Returns:
@@ -252,7 +255,7 @@ def _least_time_back(n: int, q: Array, task: PostureTask) -> float:
 
 
 @njit(cache=True, inline="always")
-def _speed_range(n: int, time: float, q: Array, task: PostureTask, scratch: Scratch) -> SpeedRange:
+def _speed_range(n: int, time: float, q: Array, task: PostureTask, scratch: CostScratch) -> SpeedRange:
     """Fill middle and half width of the ranges of joint speeds that are possible if the arm reaches the posture in `time` (s).
 
     The returned time of the return is a lower bound: it assumes that each joint has the speed of its range with which it is back soonest.
@@ -271,7 +274,7 @@ def _speed_range(n: int, time: float, q: Array, task: PostureTask, scratch: Scra
 
 
 @njit(cache=True, inline="always")
-def _scale_rows(n: int, velocity: Array, scratch: Scratch) -> None:
+def _scale_rows(n: int, velocity: Array, scratch: CostScratch) -> None:
     """Fill `scratch.scaled` and `scratch.wanted`: the equations for the shares that give the wanted velocity without turning the face."""
     rows, scaled, middle, half, wanted = scratch.rows, scratch.scaled, scratch.middle, scratch.half, scratch.wanted
     for k in range(5):
@@ -283,7 +286,7 @@ def _scale_rows(n: int, velocity: Array, scratch: Scratch) -> None:
 
 @njit(cache=True, inline="always")
 def _cheaper_speeds(
-    n: int, least: float, late_cost: float, q: Array, qdot: Array, task: PostureTask, bound: float, scratch: Scratch
+    n: int, least: float, late_cost: float, q: Array, qdot: Array, task: PostureTask, bound: float, scratch: CostScratch
 ) -> float:
     """Fill qdot (n,) with the joint speeds of lower cost: the least ones, or those that keep the face from turning.
 
@@ -351,7 +354,7 @@ class PostureQuestion(NamedTuple):
     Attributes:
         nearest: s, time from the start to the posture at full speed, the result of `time_to`.
         bound: Cost below which the posture must be; the computation ends when it is known to be higher.
-        known: Whether `Scratch.rows` already is the matrix of this posture.
+        known: Whether `CostScratch.rows` already is the matrix of this posture.
     """
 
     nearest: float
@@ -360,7 +363,9 @@ class PostureQuestion(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def cost_of_joints(n: int, q: Array, question: PostureQuestion, task: PostureTask, chain: Chain, qdot: Array, scratch: Scratch) -> float:
+def cost_of_joints(
+    n: int, q: Array, question: PostureQuestion, task: PostureTask, chain: Chain, qdot: Array, scratch: CostScratch
+) -> float:
     """Compute the best joint speeds at a posture, and the cost of the posture with them.
 
     Args:

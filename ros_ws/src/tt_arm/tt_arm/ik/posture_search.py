@@ -2,8 +2,8 @@
 
 Position and normal of the racket's face are five conditions, so an arm with n joints has n - 5 freedoms. The search uses the atlas of the
 arm: many precomputed postures within its limits, with the position and normal of the face in each. Newton's method changes those postures
-whose face is nearest to the wanted one until they have the wanted face ("settles" them). The search then takes the postures with the lowest
-cost and refines them along the freedoms: it makes a step in the null space of the five conditions and settles the posture again.
+whose face is nearest to the wanted one until they have the wanted face. The search then takes the postures with the lowest
+cost and refines them along the freedoms: it makes a step in the null space of the five conditions and applies the method again.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from tt_core.states import Array
 
 from ..joints import JointBounds
 from ..kinematics import Chain, forward_into
-from .newton import NewtonScratch, Target, newton_scratch, settle
+from .newton import NewtonScratch, Target, converge_within_limits, newton_scratch
 from .posture_cost import (
+    REFINED_EXCESS,
+    REFINED_POSTURES,
+    STEEPEST_COST,
     BestPosture,
+    CostScratch,
     PostureQuestion,
     PostureTask,
-    Scratch,
     cost_of_joints,
     cost_scratch,
     joint_tasks,
@@ -37,12 +40,9 @@ PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)  # bases of the Halton sequences of the jo
 PROBES, WIDER = 200, 2.0  # test postures for the distance of a reachable face from the atlas; factor on the largest one
 NORMAL_SCALE = 0.5  # m; a difference of 1 between two unit normals counts as this distance
 SEED_STEPS, REFINE_STEPS = 20, 6  # largest numbers of Newton steps for a posture of the atlas, and in the refinement
-STARTS = 2  # number of postures that are refined
-CLOSE = 3.0  # largest excess over the lowest cost with which a posture may still be refined to the best one
-STEEP = 8.0  # 1/rad; a refinement whose cost exceeds the best by more than this times its step is given up
-MOST_STEPS = 300  # largest number of steps of one refinement, which takes about 30
+MOST_POSTURE_STEPS = 300  # largest number of steps of one refinement, which takes about 30
 FIRST_STEP, LAST_STEP = 0.25, 0.01  # rad, first and last step size of a refinement
-SAME = 0.05  # rad or m; two postures that differ by less than this in every joint are refined to the same one
+SAME_POSTURE = 0.05  # rad or m; two postures that differ by less than this in every joint are refined to the same one
 INDEPENDENT = 1e-3  # least squared length of a unit vector's part in the null space with which it gives another direction
 
 
@@ -174,8 +174,8 @@ class Search(NamedTuple):
         task: Wanted velocity, joints and weights of the cost.
         atlas: Precomputed postures of the arm.
         chain: Geometry of the arm.
-        newton: Scratch memory of Newton's method.
-        scratch: Scratch memory of the cost.
+        newton: CostScratch memory of Newton's method.
+        scratch: CostScratch memory of the cost.
     """
 
     target: Target
@@ -183,14 +183,14 @@ class Search(NamedTuple):
     atlas: Atlas
     chain: Chain
     newton: NewtonScratch
-    scratch: Scratch
+    scratch: CostScratch
 
 
 @njit(cache=True)
-def _settled_cost(search: Search, steps: int, bound: float, q: Array, qdot: Array) -> float:
-    """Settle q (n,) in place by Newton's method, fill the joint speeds qdot (n,), and return the cost; see `cost_of_joints`."""
+def _converged_cost(search: Search, steps: int, bound: float, q: Array, qdot: Array) -> float:
+    """Change q (n,) in place by Newton's method, fill the joint speeds qdot (n,), and return the cost; see `cost_of_joints`."""
     joints, bounds = search.task.joints, search.atlas.bounds
-    if not settle(search.target, bounds, steps, search.chain, q, search.scratch.rows, search.newton):
+    if not converge_within_limits(search.target, bounds, steps, search.chain, q, search.scratch.rows, search.newton):
         return math.inf
     for i in range(len(q)):
         if bounds[i, 1] == np.inf:
@@ -218,12 +218,14 @@ def _descend(search: Search, cost: float, best: float, q: Array, qdot: Array) ->
     n = len(q)
     trial, trial_qdot, directions = np.empty(n), np.empty(n), np.zeros((3, n))
     size, fresh, count = FIRST_STEP, False, 0
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_POSTURE_STEPS):
         if size <= LAST_STEP:
             break
         if not fresh:
             trial[:] = q
-            settle(search.target, search.atlas.bounds, REFINE_STEPS, search.chain, trial, search.scratch.rows, search.newton)
+            converge_within_limits(
+                search.target, search.atlas.bounds, REFINE_STEPS, search.chain, trial, search.scratch.rows, search.newton
+            )
             count, fresh = _free_directions(search.scratch.rows, directions), True
             if count == 0:
                 break
@@ -243,20 +245,20 @@ def _descend(search: Search, cost: float, best: float, q: Array, qdot: Array) ->
                 continue
             for i in range(n):
                 trial[i] = min(search.task.joints[i].high, max(search.task.joints[i].low, trial[i]))
-            now = _settled_cost(search, REFINE_STEPS, cost, trial, trial_qdot)
+            now = _converged_cost(search, REFINE_STEPS, cost, trial, trial_qdot)
             if now < cost:
                 cost, moved, fresh = now, True, False
                 q[:], qdot[:] = trial, trial_qdot
                 break
         if not moved:
             size *= 0.5
-            if cost > best + STEEP * size:
+            if cost > best + STEEPEST_COST * size:
                 break
     return cost
 
 
 @njit(cache=True, nogil=True)
-def search(
+def search_postures(
     target: Target, velocity: Array, start: Array, limits: JointBounds, weights: Array, count: int, atlas: Atlas, chain: Chain
 ) -> BestPosture:
     """Search for the posture and joint speeds with the lowest cost among all postures of an arm.
@@ -287,15 +289,15 @@ def search(
     for m in range(count + 2):
         for i in range(n):
             found[m, i] = start[2 * m, i] if m < 2 else atlas.postures[i, seeds[m - 2]]
-        costs[m] = _settled_cost(here, SEED_STEPS, least + CLOSE, found[m], speeds[m])
+        costs[m] = _converged_cost(here, SEED_STEPS, least + REFINED_EXCESS, found[m], speeds[m])
         least = min(least, costs[m])
-    for _ in range(STARTS):
+    for _ in range(REFINED_POSTURES):
         m = int(np.argmin(costs))
         if costs[m] == math.inf:
             break
         q, qdot = found[m].copy(), speeds[m].copy()
         for k in range(count + 2):
-            if np.abs(found[k] - q).max() < SAME:
+            if np.abs(found[k] - q).max() < SAME_POSTURE:
                 costs[k] = math.inf if k != m else costs[k]
         cost = _descend(here, costs[m], best.cost, q, qdot)
         costs[m] = math.inf
@@ -333,7 +335,7 @@ def any_posture(target: Target, seed: Array, limits: JointBounds, count: int, at
                 return False
         for i in range(n):
             q[i] = seed[i] if m == 0 else atlas.postures[i, seeds[m - 1]]
-        if not settle(target, atlas.bounds, SEED_STEPS, chain, q, rows, scratch):
+        if not converge_within_limits(target, atlas.bounds, SEED_STEPS, chain, q, rows, scratch):
             continue
         inside = True
         for i in range(n):

@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from numba import njit
+from tt_core.arrays import Array, Triple
 from tt_core.errors import TtError, check_array
-from tt_core.states import Array
 
 if TYPE_CHECKING:
     from ..model import ArmModel
 
-Vector = tuple[float, float, float]
 Indices = npt.NDArray[np.int64]
 
 PARALLEL = 1e-9  # sine of the angle below which directions count as parallel
@@ -54,7 +53,7 @@ def _component(columns: Array, k: int, x: float, y: float, z: float) -> float:
 
 
 @njit(cache=True, inline="always")
-def _least_in_plane(columns: Array, n: int, normal: Vector, rest: Vector, shares: Array) -> None:
+def _least_in_plane(columns: Array, n: int, normal: Triple, rest: Triple, shares: Array) -> None:
     """Fill the shares of the columns that lie in a face of the zonotope; columns along the same edge of the face get the same share.
 
     Args:

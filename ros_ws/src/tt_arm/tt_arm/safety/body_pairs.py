@@ -18,9 +18,10 @@ from .clearance import Pairs, Places, between_segments, from_segment, places
 
 POSTURES = 500  # number of random postures in which the distances are computed
 MOSTLY = 0.5  # share of the postures; bodies that overlap in at least this share are neighbours and are not checked
-NEAR, NEARLY_ALL = 0.05, 0.95  # m, and share of the postures; bodies within this distance in this share are neighbours, too
+NEIGHBOUR_DISTANCE = 0.05  # m; bodies within this distance in NEIGHBOUR_SHARE of the postures are neighbours, too
+NEIGHBOUR_SHARE = 0.95
 APART = 0.05  # m, least distance in all postures of bodies that need not be checked
-MOST_LOOKS = 2000  # number of ranges of postures after which bodies are checked, because it is not proved that they stay apart
+MOST_RANGES = 2000  # number of ranges of postures after which bodies are checked, because it is not proved that they stay apart
 
 
 @njit(cache=True)
@@ -63,9 +64,9 @@ def _stays_apart(m: int, other: int, position: Array, levers: Array, bodies: Bod
         bodies: Of the arm.
     """
     n, at = len(levers), places(len(bodies.owners))
-    stack, middle, top = np.empty((MOST_LOOKS + 1, n, 2)), np.empty(n), 1
+    stack, middle, top = np.empty((MOST_RANGES + 1, n, 2)), np.empty(n), 1
     stack[0] = position
-    for _ in range(MOST_LOOKS):
+    for _ in range(MOST_RANGES):
         top -= 1
         low, high = stack[top, :, 0].copy(), stack[top, :, 1].copy()
         moves, widest = 0.0, 0
@@ -107,7 +108,7 @@ def find_pairs(bodies: Bodies, position: Array) -> Pairs:
     postures = np.random.default_rng(0).uniform(position[:, 0], position[:, 1], (POSTURES, n))
     distances = pair_distances(postures, candidates, bodies)
     order = np.argsort(np.median(distances, axis=0))
-    neighbours = ((distances <= 0.0).mean(axis=0) >= MOSTLY) | ((distances <= NEAR).mean(axis=0) >= NEARLY_ALL)
+    neighbours = ((distances <= 0.0).mean(axis=0) >= MOSTLY) | ((distances <= NEIGHBOUR_DISTANCE).mean(axis=0) >= NEIGHBOUR_SHARE)
     candidates = candidates[[p for p in order if not neighbours[p]]]
     ranges = np.abs(position).max(axis=1)
     kept = []

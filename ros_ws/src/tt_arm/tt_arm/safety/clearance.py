@@ -16,15 +16,15 @@ from tt_core.constants import FLOOR_Z, TABLE_LENGTH, TABLE_THICKNESS, TABLE_WIDT
 from tt_core.states import Array
 
 from ..kinematics import Bodies, place_bodies
-from ..trajectory.profiles import evaluate
+from ..trajectory.profiles import evaluate_path
 
 OBSTACLES = ("the table", "the floor", "itself")
 TABLE_LOW, TABLE_HIGH = (0.0, 0.0, -TABLE_THICKNESS), (TABLE_LENGTH, TABLE_WIDTH, 0.0)  # m
-NEAR = 0.08  # m; within this distance the points of the rim are used, beyond it a sphere around the racket's centre
-AROUND = 12  # number of points of the rim
-CIRCLE = np.array([(math.cos(2.0 * math.pi * k / AROUND), math.sin(2.0 * math.pi * k / AROUND)) for k in range(AROUND)])
-MOST_LOOKS = 10_000  # largest number of checks along a path; 30 s in steps of 10 ms are 3,000
-HELD = 0.005  # m, distance to keep if a command is held; the guard keeps none, because it checks every command
+RIM_DISTANCE = 0.08  # m; within this distance the points of the rim are used, beyond it a sphere around the racket's centre
+RIM_POINTS = 12  # number of points of the rim
+CIRCLE = np.array([(math.cos(2.0 * math.pi * k / RIM_POINTS), math.sin(2.0 * math.pi * k / RIM_POINTS)) for k in range(RIM_POINTS)])
+MOST_CHECKS = 10_000  # largest number of checks along a path; 30 s in steps of 10 ms are 3,000
+HELD_CLEARANCE = 0.005  # m, distance to keep if a command is held; the guard keeps none, because it checks every command
 EVERY = 2  # at each second check of a path, what follows if the drives hold their command is checked, too
 HOLDING = 3  # number of postures that are checked while the drive holds the last command, see `braking_clearance`
 BRAKING = 3  # number of postures that are checked while the arm brakes, the last one at rest
@@ -41,7 +41,7 @@ class Places(NamedTuple):
         ends: (m, 3) m, second ends of the capsules' segments.
         face: (3,) m, centre of the racket's face.
         rotation: (3, 3) rotation from racket to `table`.
-        rim: (AROUND, 3) m, points of the racket's rim.
+        rim: (RIM_POINTS, 3) m, points of the racket's rim.
     """
 
     starts: Array
@@ -54,7 +54,7 @@ class Places(NamedTuple):
 @njit(cache=True)
 def places(count: int) -> Places:
     """Return scratch memory for an arm with `count` capsules."""
-    return Places(np.empty((count, 3)), np.empty((count, 3)), np.empty(3), np.empty((3, 3)), np.empty((AROUND, 3)))
+    return Places(np.empty((count, 3)), np.empty((count, 3)), np.empty(3), np.empty((3, 3)), np.empty((RIM_POINTS, 3)))
 
 
 @njit(cache=True)
@@ -187,8 +187,8 @@ def bodies_from_floor(starts: Array, ends: Array, radii: Array, first: int, most
 
 @njit(cache=True)
 def _fill_rim(face: Array, rotation: Array, around: float, rim: Array) -> None:
-    """Fill `rim` (AROUND, 3) m with points of the rim of a racket with this centre (3,) m, rotation (3, 3) and radius `around` (m)."""
-    for k in range(AROUND):
+    """Fill `rim` (RIM_POINTS, 3) m with points of the rim of a racket with this centre (3,) m, rotation (3, 3) and radius `around` (m)."""
+    for k in range(RIM_POINTS):
         c, s = around * CIRCLE[k, 0], around * CIRCLE[k, 1]
         for j in range(3):
             rim[k, j] = face[j] + c * rotation[j, 0] + s * rotation[j, 1]
@@ -229,10 +229,10 @@ def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, flo
     while first < len(owners) and owners[first] < 0:  # these stand still
         first += 1
     table = from_table(face[0], face[1], face[2]) - around
-    if table < NEAR:
+    if table < RIM_DISTANCE:
         _fill_rim(face, rotation, around, rim)
         table, filled = math.inf, True
-        for k in range(AROUND):
+        for k in range(RIM_POINTS):
             table = min(table, from_table(rim[k, 0], rim[k, 1], rim[k, 2]))
     table = bodies_from_table(starts, ends, radii, reaches, first, table)
     floor = bodies_from_floor(starts, ends, radii, first, face[2] - FLOOR_Z - around)
@@ -241,11 +241,11 @@ def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, flo
         m = pairs[p, 0]
         if pairs[p, 1] < 0:
             left = from_segment(face[0], face[1], face[2], starts, ends, m) - radii[m] - around
-            if left < min(itself, NEAR):
+            if left < min(itself, RIM_DISTANCE):
                 if not filled:
                     _fill_rim(face, rotation, around, rim)
                 left, filled = math.inf, True
-                for k in range(AROUND):
+                for k in range(RIM_POINTS):
                     left = min(left, from_segment(rim[k, 0], rim[k, 1], rim[k, 2], starts, ends, m) - radii[m])
             itself = min(itself, left)
     return table, floor, bodies_from_each_other(starts, ends, radii, reaches, pairs, itself)
@@ -260,8 +260,8 @@ def clearances(q: Array, bodies: Bodies) -> tuple[float, float, float]:
         bodies: Capsules and racket of the arm.
 
     Returns:
-        Three distances in m. A value that is not positive means contact. Values above NEAR may be smaller than the true distance, by at
-        most twice the racket's radius.
+        Three distances in m. A value that is not positive means contact. Values above RIM_DISTANCE may be smaller than the true distance,
+        by at most twice the racket's radius.
     """
     return _clearances(q, bodies, places(len(bodies.owners)))
 
@@ -347,7 +347,8 @@ def path_clearance(
 
     Returns:
         The distance in m, and the index of the nearest obstacle in OBSTACLES. Distances after a held command are increased by `enough` -
-        HELD, so that they need only be HELD. The distance is -inf for a path that is too long to be checked, or is not finite.
+        HELD_CLEARANCE, so that they need only be HELD_CLEARANCE. The distance is -inf for a path that is too long to be checked, or is not
+        finite.
     """
     n, lever, least, what = len(braking), bodies.levers, np.inf, 0
     q, qdot, qddot, at = np.empty(n), np.empty(n), np.empty(n), places(len(bodies.owners))
@@ -355,9 +356,9 @@ def path_clearance(
     for i in range(n):
         rise += braking[i] * lever[i]
     time, last = 0.0, False
-    for look in range(MOST_LOOKS):
+    for check in range(MOST_CHECKS):
         last = time >= end
-        evaluate(min(end, time), knots, coefficients, q, qdot, qddot)
+        evaluate_path(min(end, time), knots, coefficients, q, qdot, qddot)
         left, near = _clearance(q, bodies, at)
         if math.isnan(left):
             return -np.inf, near
@@ -370,10 +371,10 @@ def path_clearance(
             braked, obstacle = _braking_clearance(q, qdot, braking, 0.0, bodies, at)
             if braked < left:
                 left, near = braked, obstacle
-            if hold > 0.0 and look % EVERY == 0:  # only a touch counts: a command is held only if the process fails
+            if hold > 0.0 and check % EVERY == 0:  # only a touch counts: a command is held only if the process fails
                 braked, obstacle = _braking_clearance(q, qdot, braking, hold, bodies, at)
-                if braked - HELD + enough < left:
-                    left, near = braked - HELD + enough, obstacle
+                if braked - HELD_CLEARANCE + enough < left:
+                    left, near = braked - HELD_CLEARANCE + enough, obstacle
         if left < least:
             least, what = left, near
             if least < enough:

@@ -10,8 +10,8 @@ from tt_core.states import Array
 
 from ..joints import JointBounds
 
-UNCUT, SPEED, POSITION, ACCELERATION = range(4)  # whether and by which limit a command was cut
-SAME = 1e-9  # rad/s; a command that differs from the wanted one by less than this counts as not cut
+NOT_CUT, CUT_BY_SPEED, CUT_BY_POSITION, CUT_BY_ACCELERATION = range(4)  # whether and by which limit a command was cut
+SAME_COMMAND = 1e-9  # rad/s; a command that differs from the wanted one by less than this counts as not cut
 
 
 @njit(cache=True)
@@ -64,8 +64,8 @@ def limit_command(
         allowed: (n,) rad/s, output: filled with the permitted command.
 
     Returns:
-        UNCUT if the wanted command is permitted. Otherwise the limit that changed it: SPEED if the speed limit changed that of any joint,
-        else POSITION if the position limit did, else ACCELERATION.
+        NOT_CUT if the wanted command is permitted. Otherwise the limit that changed it: CUT_BY_SPEED if the speed limit changed that of any
+        joint, else CUT_BY_POSITION if the position limit did, else CUT_BY_ACCELERATION.
     """
     faster, further, cut = False, False, False
     for i in range(len(q)):
@@ -76,12 +76,12 @@ def limit_command(
         change = min(max(within - last[i], -step), step)
         allowed[i] = min(max(last[i] + change, max(-down, -speed)), min(up, speed))
         faster, further = faster or slow != wanted[i], further or within != wanted[i]
-        cut = cut or abs(allowed[i] - wanted[i]) > SAME
+        cut = cut or abs(allowed[i] - wanted[i]) > SAME_COMMAND
     if not cut:
-        return UNCUT
-    return SPEED if faster else POSITION if further else ACCELERATION
+        return NOT_CUT
+    return CUT_BY_SPEED if faster else CUT_BY_POSITION if further else CUT_BY_ACCELERATION
 
 
 def cut_joints(allowed: Array, wanted: Array) -> Array:
     """Return an array (n,) that tells for each joint whether its permitted command differs from the wanted one; both (n,) rad/s."""
-    return np.asarray(np.abs(allowed - wanted) > SAME)
+    return np.asarray(np.abs(allowed - wanted) > SAME_COMMAND)

@@ -19,16 +19,16 @@ from ..joints import NO_ACCELERATION_LIMIT, JointLimits, Joints
 from ..model import ArmModel
 from ..trajectory.limits import SwingLimits
 from .clearance import OBSTACLES, braking_clearance, clearance
-from .command_limits import ACCELERATION, POSITION, SPEED, UNCUT, clip_to_room, cut_joints, limit_command
+from .command_limits import CUT_BY_ACCELERATION, CUT_BY_POSITION, CUT_BY_SPEED, NOT_CUT, clip_to_room, cut_joints, limit_command
 from .stops import ArmStop
 
-LONGEST_STEP = 0.05  # s, largest time between commands that is used to limit the change of the command
-FIRST_STEP = 0.005  # s, largest time for which the first command of a stop brakes
+LONGEST_COMMAND_INTERVAL = 0.05  # s, largest time between commands that is used to limit the change of the command
+FIRST_STOP_STEP = 0.005  # s, largest time for which the first command of a stop brakes
 LONGEST_GUESS = 0.3  # s after the last measurement for which the position is computed from the commands; then the arm is at rest
 STEEPER = 2.0  # largest change of commands over the acceleration limit that the URDF states: more, because the servo corrects errors
 MOST_SENT = 200  # number of commands that are kept, those of 0.4 s: joint states may be 0.1 s old
 LEAST_SIGHTINGS = 3  # number of successive joint states that must show damage
-CUTS = {SPEED: ArmStop.SPEED_CUT, POSITION: ArmStop.POSITION_CUT, ACCELERATION: ArmStop.ACCELERATION_CUT}
+CUTS = {CUT_BY_SPEED: ArmStop.SPEED_CUT, CUT_BY_POSITION: ArmStop.POSITION_CUT, CUT_BY_ACCELERATION: ArmStop.ACCELERATION_CUT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ class Guard:
         self._last, self._time = np.clip(qdot, -speed, speed), None
         self._sent.clear()
 
-    def look(self, joints: Joints, after_gap: bool = False) -> Failure | None:
+    def check_state(self, joints: Joints, after_gap: bool = False) -> Failure | None:
         """Check a joint state for damage: a position beyond its limit, overspeed or contact.
 
         Damage latches when successive joint states have shown it for `persistence` seconds. Damage that the first joint state after a gap
@@ -199,7 +199,7 @@ class Guard:
         if near is not None:
             return self.stop(now, joints, age), near
         self._note(allowed, now, is_stop=False)
-        if begins or cut == UNCUT:  # how long the arm has had for the first command is not known
+        if begins or cut == NOT_CUT:  # how long the arm has had for the first command is not known
             return allowed, None
         names = (name for name, is_cut in zip(self._model.names, cut_joints(allowed, command), strict=True) if is_cut)
         return allowed, Failure(CUTS[cut], joints=", ".join(names))
@@ -220,7 +220,7 @@ class Guard:
         """
         passed = 0.0 if self._now is None else max(now - self._now, 0.0)
         if not self._stopping:
-            passed = max(min(passed, FIRST_STEP), passed - self.command_timeout)
+            passed = max(min(passed, FIRST_STOP_STEP), passed - self.command_timeout)
         step = self.braking * passed
         command = self._last + np.clip(-self._last, -step, step)
         if joints is not None:
@@ -300,7 +300,7 @@ class Guard:
         It is the difference of the stamps of the joint states, because these arrive irregularly. After a stop it is at most the time since
         the last command of the stop.
         """
-        passed = 0.0 if self._time is None else min(max(time - self._time, 0.0), LONGEST_STEP)
+        passed = 0.0 if self._time is None else min(max(time - self._time, 0.0), LONGEST_COMMAND_INTERVAL)
         if self._stopping and self._now is not None:
             passed = min(passed, max(now - self._now, 0.0))
         self._time = time

@@ -20,11 +20,11 @@ from ..joints import Joints
 from ..model import ArmModel
 from .stops import ArmStop
 
-BEYOND = 1.0  # rad or m; a number further beyond a position limit cannot be a position of this joint: the mechanical stops are nearer
+MOST_LIMIT_EXCESS = 1.0  # rad or m; a number further beyond a position limit is no position: the mechanical stops are nearer
 TIMES = 10.0  # a number larger than this multiple of the speed limit cannot be a speed of this joint
 JUMP = 0.02  # rad or m, difference of two positions that noise may cause beyond what the speed limits permit
 LONGEST_DEADLINE = 0.3  # s, upper bound of the deadline, whatever the period of the joint states is
-WINDOW = 15  # number of intervals between joint states whose median is their period
+PERIOD_WINDOW = 15  # number of intervals between joint states whose median is their period
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class JointStateCheck:
         self.last: Joints | None = None
         self.gap = True
         self._arrived = self._heard = -math.inf  # s, monotonic, when `last` came, and when any joint state did
-        self._periods: deque[float] = deque(maxlen=WINDOW)
+        self._periods: deque[float] = deque(maxlen=PERIOD_WINDOW)
         self._positions: deque[tuple[float, Array]] = deque(maxlen=1000)  # of the last `difference` s, without a gap
 
     @property
@@ -123,7 +123,7 @@ class JointStateCheck:
         (low, high), names, units = self._model.position_limits.T, self._model.names, self._model.limits.units
         beyond, shares = np.maximum(low - joints.q, joints.q - high), np.abs(joints.qdot) / self._model.speed_limits
         i, k = int(beyond.argmax()), int(shares.argmax())
-        if beyond[i] > BEYOND:
+        if beyond[i] > MOST_LIMIT_EXCESS:
             return Failure(ArmStop.NO_POSTURE, joint=names[i], unit=units[i], value=float(joints.q[i]), beyond=float(beyond[i]))
         if shares[k] > TIMES:
             return Failure(ArmStop.NO_SPEED, joint=names[k], unit=units[k], value=float(joints.qdot[k]), share=float(shares[k]))

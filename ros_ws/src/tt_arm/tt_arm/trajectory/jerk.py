@@ -10,7 +10,7 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 from ..joints import JointBounds
 from .legs import Leg, Pieces
 
-SAME = 1e-6  # s by which a leg may last longer than asked
+SAME_DURATION = 1e-6  # s by which a leg may last longer than asked
 
 
 def shortest_leg(leg: Leg, limits: JointBounds, time: float = 0.0) -> Trajectory | None:

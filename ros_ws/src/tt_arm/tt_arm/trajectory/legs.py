@@ -30,11 +30,11 @@ from .profiles import (
     trapezoid_is_possible,
 )
 
-PROFILES = ("auto", "quintic", "trapezoid", "polyline", "ruckig")
+PROFILE_NAMES = ("auto", "quintic", "trapezoid", "polyline", "ruckig")
 AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
-STEP = 1e-3  # s, of the search for the shortest leg
+LEG_STEP = 1e-3  # s, of the search for the shortest leg
 SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, legs that are tried
-HALVINGS = 20  # of STEP, to 1e-9 s
+LEG_HALVINGS = 20  # of LEG_STEP, to 1e-9 s
 
 
 Leg = npt.NDArray[np.void]  # (n,) of LEG: states of each joint at the start (0) and at the end (1), where the acceleration is 0
@@ -131,12 +131,12 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
         time = max(time, least_time(ends.q1 - ends.q0, ends.v0, ends.v1, bounds.speed, bounds.acceleration))
     if leg_is_possible(time, leg, limits, kind):
         return time
-    while not leg_is_possible(time + STEP, leg, limits, kind):
-        time += STEP
+    while not leg_is_possible(time + LEG_STEP, leg, limits, kind):
+        time += LEG_STEP
         if not time <= LONGEST_LEG:  # also where it is NaN
             return np.inf
-    low, high = time, time + STEP
-    for _ in range(HALVINGS):
+    low, high = time, time + LEG_STEP
+    for _ in range(LEG_HALVINGS):
         middle = 0.5 * (low + high)
         if leg_is_possible(middle, leg, limits, kind):
             high = middle

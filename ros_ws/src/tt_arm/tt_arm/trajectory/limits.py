@@ -8,9 +8,9 @@ from enum import Enum
 from tt_core.constants import COMMAND_TIMEOUT
 from tt_core.params import check, param
 
-from ..joints import ACCELERATION, HOLD_RESERVE, JERK, JointLimits
+from ..joints import HOLD_RESERVE, JERK, JOINT_ACCELERATION, JointLimits
 from ..model import ArmModel
-from .legs import PROFILES
+from .legs import PROFILE_NAMES
 
 
 class SwingFailure(Enum):
@@ -35,7 +35,7 @@ class SwingLimits:
     """Parameters that limit swings: shares of the arm's limits, distances to keep, and the profile of the joints' motion."""
 
     acceleration: float = param(
-        ACCELERATION,
+        JOINT_ACCELERATION,
         "rad/s^2",
         "acceleration limit of each joint whose description states none; the PA10 needs 0.76 of its rated torque at most with this one "
         "(assumed inertias)",
@@ -88,7 +88,7 @@ class SwingLimits:
         low=1.0,
         high=1000000.0,
     )
-    profile: str = param("auto", "", "profile of a joint's motion, see `tt_arm.swing`", choices=PROFILES)
+    profile: str = param("auto", "", "profile of a joint's motion, see `tt_arm.swing`", choices=PROFILE_NAMES)
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""

@@ -9,8 +9,8 @@ from tt_core.errors import TtError
 from tt_core.states import Array
 
 from ..joints import JointBounds
-from .jerk import SAME, append, shortest_leg
-from .legs import LEG, PROFILES, RUCKIG, Leg, Pieces, append_leg, append_rest, leg_is_possible, shortest_time
+from .jerk import SAME_DURATION, append, shortest_leg
+from .legs import LEG, PROFILE_NAMES, RUCKIG, Leg, Pieces, append_leg, append_rest, leg_is_possible, shortest_time
 
 PIECES = 48  # largest number of polynomials of each joint: a rest, three legs of at most twelve, a rest
 
@@ -42,12 +42,12 @@ class Path:
 
         Args:
             limits: (n,) limits of the joints, which each leg must keep.
-            profile: Profile of the legs, one of PROFILES.
+            profile: Profile of the legs, one of PROFILE_NAMES.
         """
         self.duration = 0.0
         n = len(limits)
         self.pieces = Pieces(np.full((n, PIECES), np.inf), np.zeros((n, PIECES, 6)), np.zeros(n, np.int64))
-        self._limits, self._kind = limits, PROFILES.index(profile)
+        self._limits, self._kind = limits, PROFILE_NAMES.index(profile)
 
     def shortest_time(self, time: float, leg: Leg) -> float:
         """Return the duration (s) of the shortest motion that keeps the limits and lasts at least `time` (s); inf if there is none.
@@ -70,7 +70,7 @@ class Path:
         """
         if self._kind != RUCKIG:
             return bool(leg_is_possible(time, leg, self._limits, self._kind))
-        return self.shortest_time(time, leg) <= time + SAME
+        return self.shortest_time(time, leg) <= time + SAME_DURATION
 
     def rest(self, q: Array, time: float) -> None:
         """Append a rest at the joint positions q (n,) rad for `time` (s)."""

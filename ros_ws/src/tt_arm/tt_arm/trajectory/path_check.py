@@ -13,12 +13,12 @@ from ..model import ArmModel
 from ..safety.clearance import OBSTACLES, path_clearance
 from .limits import SwingFailure, SwingLimits
 from .path import Path
-from .profiles import evaluate
+from .profiles import evaluate_path
 from .torque import torque_shares
 
-STEP = 1e-3  # s between two checks of the limits
-COARSE = 10e-3  # s, least time between two checks of the clearance: at 3 m/s the racket moves 30 mm
-SLACK = 2e-3  # relative excess of a limit that is tolerated, for rounding
+LIMIT_STEP = 1e-3  # s between two checks of the limits
+CLEARANCE_STEP = 10e-3  # s, least time between two checks of the clearance: at 3 m/s the racket moves 30 mm
+LIMIT_TOLERANCE = 2e-3  # relative excess of a limit that is tolerated, for rounding
 
 
 class Extremes(NamedTuple):
@@ -45,7 +45,7 @@ class Extremes(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def extremes(end: float, braking: Array, hold: float, knots: Array, coefficients: Array) -> Extremes:
-    """Find the extreme values of each joint on a path, which is sampled every STEP seconds.
+    """Find the extreme values of each joint on a path, which is sampled every LIMIT_STEP seconds.
 
     Args:
         end: s, time from the start of the path up to which it is sampled.
@@ -58,15 +58,15 @@ def extremes(end: float, braking: Array, hold: float, knots: Array, coefficients
     low, high, speed, acceleration, jerk = np.full(n, np.inf), np.full(n, -np.inf), np.zeros(n), np.zeros(n), np.zeros(n)
     held_low, held_high = np.full(n, np.inf), np.full(n, -np.inf)
     q, qdot, qddot, before = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for k in range(int(end / STEP) + 2):
-        evaluate(min(end, k * STEP), knots, coefficients, q, qdot, qddot)
+    for k in range(int(end / LIMIT_STEP) + 2):
+        evaluate_path(min(end, k * LIMIT_STEP), knots, coefficients, q, qdot, qddot)
         for i in range(n):
             low[i], high[i] = min(low[i], q[i]), max(high[i], q[i])
             stop = q[i] + hold * qdot[i] + 0.5 * qdot[i] * abs(qdot[i]) / braking[i]
             held_low[i], held_high[i] = min(held_low[i], stop), max(held_high[i], stop)
             speed[i], acceleration[i] = max(speed[i], abs(qdot[i])), max(acceleration[i], abs(qddot[i]))
             if k > 0:
-                jerk[i] = max(jerk[i], abs(qddot[i] - before[i]) / STEP)
+                jerk[i] = max(jerk[i], abs(qddot[i] - before[i]) / LIMIT_STEP)
             before[i] = qddot[i]
     return Extremes(low, high, speed, acceleration, jerk, held_low, held_high)
 
@@ -98,12 +98,12 @@ def path_failure(path: Path, model: ArmModel, limits: SwingLimits) -> Failure | 
     if limits.profile != "polyline":
         shares[SwingFailure.JERK_LIMIT] = found.jerk / joints.jerk
     for code, share in shares.items():
-        if share.max() > 1.0 + SLACK:
+        if share.max() > 1.0 + LIMIT_TOLERANCE:
             return Failure(code, joint=names[int(share.argmax())], share=float(share.max()))
-    left, what = path_clearance(end, COARSE, braking, hold, limits.clearance, *polynomials, model.bodies)
+    left, what = path_clearance(end, CLEARANCE_STEP, braking, hold, limits.clearance, *polynomials, model.bodies)
     if left < limits.clearance:
         return Failure(SwingFailure.CLEARANCE, distance=max(0.0, left), obstacle=OBSTACLES[what])
-    torque = torque_shares(model, end, 2.0 * COARSE, *polynomials)
+    torque = torque_shares(model, end, 2.0 * CLEARANCE_STEP, *polynomials)
     if torque.max() > limits.torque_share:
         return Failure(SwingFailure.TORQUE_LIMIT, joint=names[int(torque.argmax())], share=float(torque.max()))
     return None

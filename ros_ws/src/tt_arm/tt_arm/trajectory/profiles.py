@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from tt_core.states import Array
 
-SLACK = 1e-9  # relative tolerance, for rounding exactly at a limit
+LIMIT_SLACK = 1e-9  # relative tolerance, for rounding exactly at a limit
 CHECKS = 96  # number of points at which a quintic is compared with its limits; between them it increases by less than 0.1 %
 
 
@@ -137,9 +137,9 @@ def is_possible(time: float, distance: float, v0: float, v1: float, speed: float
         speed: rad/s, speed limit.
         acceleration: rad/s^2, acceleration limit.
     """
-    if abs(v1 - v0) > acceleration * time * (1.0 + SLACK):
+    if abs(v1 - v0) > acceleration * time * (1.0 + LIMIT_SLACK):
         return False
-    slack = SLACK * (1.0 + abs(distance))
+    slack = LIMIT_SLACK * (1.0 + abs(distance))
     most, least = largest_distance(time, v0, v1, speed, acceleration), -largest_distance(time, -v0, -v1, speed, acceleration)
     return least - slack <= distance <= most + slack
 
@@ -341,7 +341,7 @@ def quintic_is_possible(time: float, ends: Ends, bounds: Bounds) -> bool:
 
 
 @njit(cache=True)
-def evaluate(t: float, knots: Array, coefficients: Array, q: Array, qdot: Array, qddot: Array) -> None:
+def evaluate_path(t: float, knots: Array, coefficients: Array, q: Array, qdot: Array, qddot: Array) -> None:
     """Compute position, speed and acceleration of all joints on a path at one time.
 
     Before the first knot the joints move with constant speed. After the last knot the last polynomial is used.

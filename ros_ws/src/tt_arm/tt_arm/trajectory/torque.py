@@ -11,7 +11,7 @@ from tt_core.states import Array
 from ..dynamics import Links, joint_torques
 from ..kinematics import Chain
 from ..model import ArmModel
-from .profiles import evaluate
+from .profiles import evaluate_path
 
 
 @njit(cache=True, nogil=True)
@@ -29,7 +29,7 @@ def largest_torques(end: float, step: float, knots: Array, coefficients: Array, 
     n = len(knots)
     q, qdot, qddot, torque, most, wrenches = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n), np.empty((n, 6))
     for k in range(math.ceil(end / step) + 1):
-        evaluate(min(end, k * step), knots, coefficients, q, qdot, qddot)
+        evaluate_path(min(end, k * step), knots, coefficients, q, qdot, qddot)
         joint_torques(q, qdot, qddot, chain, links, torque, wrenches)
         for i in range(n):
             most[i] = max(most[i], abs(torque[i]))

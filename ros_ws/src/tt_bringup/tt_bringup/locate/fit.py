@@ -14,10 +14,10 @@ from tt_core.states import Array
 
 from .observations import PinholeCamera, Sighting, Touch
 
-TOUCHED, SEEN = 0.5e-3, 0.5  # m and pixels, errors of a touched place and of a seen point that have the same weight
+TOUCH_ERROR, SIGHTING_ERROR = 0.5e-3, 0.5  # m and pixels, errors of a touched place and of a seen point that have the same weight
 LEAST = 1e-5  # ratio of the smallest to the largest singular value, below which the observations do not determine everything
 SCALE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])  # m, rad: a turn by 0.5 rad moves the racket roughly as far as a shift by 1 m
-PARTS = ("base", "mount")  # what can be fitted: the pose of the arm's base, and how the racket is mounted on the arm
+FITTED_PARTS = ("base", "mount")  # what can be fitted: the pose of the arm's base, and how the racket is mounted on the arm
 
 
 class NotDetermined(TtError):
@@ -58,7 +58,7 @@ class Located:
         mount: Correction of the racket's mount: the new mount is the assumed mount times `mount`.
         touched: (m,) m, distance of each touched place from the touching point of the racket after the fit.
         seen: (k,) pixels, distance of each seen pixel from the seen point of the racket after the fit.
-        sigma: For each of PARTS that was fitted, (6,) standard deviations of x, y, z (m) and of the rotations about them (rad).
+        sigma: For each of FITTED_PARTS that was fitted, (6,) standard deviations of x, y, z (m) and of the rotations about them (rad).
     """
 
     base: pin.SE3
@@ -68,7 +68,7 @@ class Located:
     sigma: dict[str, Array]
 
 
-def fit(
+def fit_placement(
     arm: ArmModel,
     touches: Sequence[Touch],
     sightings: Sequence[Sighting],
@@ -82,7 +82,7 @@ def fit(
         touches: Touched places.
         sightings: Seen points.
         cameras: Calibrated cameras by name.
-        kept: Those of PARTS that are known already and are not fitted.
+        kept: Those of FITTED_PARTS that are known already and are not fitted.
 
     Raises:
         NotDetermined: The observations do not determine all that is fitted.
@@ -91,12 +91,12 @@ def fit(
     for one in sightings:
         if one.side not in cameras:
             raise UnknownCamera(one.side, tuple(cameras))
-    sought = [part for part in PARTS if part not in kept]
+    sought = [part for part in FITTED_PARTS if part not in kept]
     observed: list[Touch | Sighting] = [*touches, *sightings]
     poses = [pin.SE3(rotation, position) for position, rotation in (arm.racket(one.q) for one in observed)]
 
     def corrections(values: Array) -> dict[str, pin.SE3]:
-        found = dict.fromkeys(PARTS, pin.SE3.Identity())
+        found = dict.fromkeys(FITTED_PARTS, pin.SE3.Identity())
         for i, part in enumerate(sought):
             move = SCALE * values[6 * i : 6 * i + 6]
             found[part] = pin.SE3(pin.exp3(move[3:]), move[:3])
@@ -118,7 +118,7 @@ def fit(
 
     def residuals(values: Array) -> Array:
         off, pixels = misses(values)
-        return np.concatenate([off.ravel() / TOUCHED, pixels.ravel() / SEEN])
+        return np.concatenate([off.ravel() / TOUCH_ERROR, pixels.ravel() / SIGHTING_ERROR])
 
     count = 6 * len(sought)
     if len(residuals(np.zeros(count))) < count or not count:

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
+from tt_arm.arm_urdf.urdf import RACKET_LINK
 from tt_core.errors import TtError
 from tt_core.states import Array
-
-RACKET = "racket"  # frame of the racket in the URDF
 
 
 class ArmPose:
@@ -35,12 +34,12 @@ class ArmPose:
         except (ValueError, RuntimeError) as error:
             raise TtError(f"the robot description cannot be read: {error}") from error
         missing = [name for name in joint_names if not self._model.existJointName(name)]
-        if missing or not self._model.existFrame(RACKET):
-            raise TtError(f"the robot description has no {', '.join([*missing, RACKET][:3])}")
+        if missing or not self._model.existFrame(RACKET_LINK):
+            raise TtError(f"the robot description has no {', '.join([*missing, RACKET_LINK][:3])}")
         self._data = self._model.createData()
         self._joints = [self._model.joints[self._model.getJointId(name)] for name in joint_names]
         self._ids = [self._model.getJointId(name) for name in joint_names]
-        self._racket = self._model.getFrameId(RACKET)
+        self._racket = self._model.getFrameId(RACKET_LINK)
         self.speed_limits = np.array([float(self._model.velocityLimit[joint.idx_v]) for joint in self._joints])
         low, high = self._model.lowerPositionLimit, self._model.upperPositionLimit
         self.position_limits = np.array(

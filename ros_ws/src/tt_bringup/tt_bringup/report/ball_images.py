@@ -10,22 +10,22 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS, RPM
 from tt_core.errors import TtError
 from tt_core.ros.bags import Bag
-from tt_core.states import Array
 from tt_vision.camera import Camera
-from tt_vision.capture.burst import Burst, Image
+from tt_vision.capture.burst import Burst
 from tt_vision.detection.outline import scan_outline
 from tt_vision.measure import Measurement
 from tt_vision.rig import SIDES
 
 from ..stages import Values, Vision
 
-MOST_FRAMES = 6  # at most so many images of each camera are shown, the last ones
-ROOM = 1.35  # radii of the ball from its centre to the edge of a shown image
+MOST_SHOWN_FRAMES = 6  # at most so many images of each camera are shown, the last ones
+SHOWN_RADII = 1.35  # radii of the ball from its centre to the edge of a shown image
 SIZE = 150  # pixels, width and height of a shown image
-SAMPLES = 60  # points of a drawn circle
+CIRCLE_POINTS = 60  # points of a drawn circle
 REACH = 4.0  # pixels, distance from the outline within which edges are looked for, as in the measurement
 QUALITY = 85  # quality of the JPEG images
 
@@ -93,10 +93,10 @@ def read_ball_images(path: Path, values: Values) -> Iterator[BallImages]:
             except TtError:  # an image or a calibration that the node refuses, too
                 continue
             if measured is not None:
-                yield shown(*measured, [SIDES[side] for side in vision.sides])
+                yield ball_images(*measured, [SIDES[side] for side in vision.sides])
 
 
-def shown(burst: Burst, result: Measurement, names: Sequence[str]) -> BallImages:
+def ball_images(burst: Burst, result: Measurement, names: Sequence[str]) -> BallImages:
     """Return the images of a burst with the measured ball drawn into them.
 
     Args:
@@ -104,7 +104,7 @@ def shown(burst: Burst, result: Measurement, names: Sequence[str]) -> BallImages
         result: The measurement of the burst.
         names: Name of each camera of the burst.
     """
-    times = burst.times[-MOST_FRAMES:]
+    times = burst.times[-MOST_SHOWN_FRAMES:]
     first = len(burst) - len(times)
     motion, spin = result.motion, result.spin.spin if result.spin is not None and result.ball is not None else None
     places = motion.positions(burst.times) if motion is not None else None
@@ -184,7 +184,7 @@ def _across(axis: Array) -> tuple[Array, Array]:
 
 def _circle(one: Array, other: Array) -> Array:
     """Return the points (n, 3) of the unit circle through two perpendicular directions."""
-    angles = np.linspace(0.0, 2.0 * np.pi, SAMPLES + 1)[:, None]
+    angles = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS + 1)[:, None]
     return np.cos(angles) * one + np.sin(angles) * other
 
 
@@ -197,8 +197,8 @@ def _shown(name: str, time: float, image: Image, ball: _Ball | None, contrast: f
         edges = scan_outline(image, middle[0], middle[1], max(1.0, radius - REACH), radius + REACH, contrast)
         points, off = np.column_stack([edges["u"], edges["v"]]), _distance(edges, limb)
     else:
-        limb, middle, radius = None, np.array([width - 1, height - 1]) / 2, min(width, height) / 2 / ROOM
-    half = ROOM * radius
+        limb, middle, radius = None, np.array([width - 1, height - 1]) / 2, min(width, height) / 2 / SHOWN_RADII
+    half = SHOWN_RADII * radius
     corner, scale = middle - half, SIZE / (2.0 * half)
     matrix = np.array([[scale, 0.0, -scale * corner[0]], [0.0, scale, -scale * corner[1]]])
     full = 255.0 / max(float(image.max()), 1.0)

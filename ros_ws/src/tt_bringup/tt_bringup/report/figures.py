@@ -11,11 +11,11 @@ from tt_core.states import Array
 from tt_eval.page import BLUE, COLOURS, GREEN, GREY, ORANGE
 
 from .arm_pose import ArmPose
-from .run_record import STAGES, BallRecord, RunRecord
+from .run_record import STAGE_NAMES, BallRecord, RunRecord
 
-AROUND = 0.15  # s that are shown before and after a swing
+SWING_MARGIN = 0.15  # s that are shown before and after a swing
 MOST_BARS = 60  # most balls whose latencies are drawn; more bars would be too thin to read
-MOST_POINTS = 400  # a line has about so many points at most
+MOST_LINE_POINTS = 400  # a line has about so many points at most
 
 
 def landings(balls: Sequence[BallRecord]) -> go.Figure:
@@ -41,11 +41,11 @@ def latencies(balls: Sequence[BallRecord]) -> go.Figure:
     """Draw how long each stage from the last camera image to the first joint command took, as a stacked bar for each ball."""
     shown = [ball for ball in balls if ball.latencies][:MOST_BARS]
     figure = go.Figure()
-    until = np.array([[ball.latencies.get(event, np.nan) for ball in shown] for event in STAGES])
+    until = np.array([[ball.latencies.get(event, np.nan) for ball in shown] for event in STAGE_NAMES])
     until = np.fmin.accumulate(until[::-1])[::-1]  # the status of a stage may come after the next stage has finished
     until = np.where(np.isfinite(until), until, 0.0)
     until = np.maximum.accumulate(until)
-    for colour, name, spent in zip(COLOURS, STAGES.values(), np.diff(until, axis=0, prepend=0.0), strict=False):
+    for colour, name, spent in zip(COLOURS, STAGE_NAMES.values(), np.diff(until, axis=0, prepend=0.0), strict=False):
         figure.add_bar(y=[f"ball {ball.number}" for ball in shown], x=spent, name=name, orientation="h", marker_color=colour)
     figure.update_xaxes(title_text="ms since the last image").update_yaxes(autorange="reversed")
     title = "From the last image to the first joint command"
@@ -111,7 +111,7 @@ def joint_figures(ball: BallRecord, run: RunRecord, arm: ArmPose | None) -> list
     swing = ball.swing
     if swing is None or not len(ball.joints):
         return []
-    rows = ball.joints[(ball.joints[:, 0] > swing.times[0] - AROUND) & (ball.joints[:, 0] < swing.times[-1] + AROUND)]
+    rows = ball.joints[(ball.joints[:, 0] > swing.times[0] - SWING_MARGIN) & (ball.joints[:, 0] < swing.times[-1] + SWING_MARGIN)]
     if not len(rows):
         return []
     count = len(run.joint_names)
@@ -143,7 +143,7 @@ def _joints(run: RunRecord, since: Array, values: Array, title: str, unit: str, 
         unit: Unit of the values.
         limits: Lowest and highest value that is allowed; None to draw no limits.
     """
-    figure, few = go.Figure(), slice(None, None, max(1, len(since) // MOST_POINTS))
+    figure, few = go.Figure(), slice(None, None, max(1, len(since) // MOST_LINE_POINTS))
     for k, name in enumerate(run.joint_names):
         figure.add_scatter(x=since[few], y=values[few, k], name=name, line={"color": COLOURS[k % len(COLOURS)], "width": 1.6})
     figure.add_vline(x=0.0, line={"color": GREY, "width": 1, "dash": "dot"})
@@ -156,7 +156,7 @@ def _joints(run: RunRecord, since: Array, values: Array, title: str, unit: str, 
 def _flight(figure: go.Figure, ball: BallRecord, axis: int) -> None:
     """Add the true and the predicted path of a ball to a figure, over x. axis: 1 to draw y, 2 to draw z."""
     if len(ball.truth):
-        rows = ball.truth[:: max(1, len(ball.truth) // MOST_POINTS)]
+        rows = ball.truth[:: max(1, len(ball.truth) // MOST_LINE_POINTS)]
         figure.add_scatter(x=rows[:, 1], y=rows[:, 1 + axis], name="true", line={"color": BLUE, "width": 3})
     if ball.path is not None:
         places = ball.path.positions

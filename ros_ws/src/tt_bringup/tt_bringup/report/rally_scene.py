@@ -11,9 +11,9 @@ from tt_core.states import Array
 from .arm_pose import ArmPose
 from .run_record import BallRecord
 
-STEP = 0.02  # s from one step of the replay to the next
+REPLAY_STEP = 0.02  # s from one step of the replay to the next
 SCENE_TIME = 4.0  # s, longest replay of a ball
-RIM = 24  # points of the racket's rim
+DRAWN_RIM_POINTS = 24  # points of the racket's rim
 DIGITS = 3  # decimals of lengths in m on the page
 
 
@@ -29,12 +29,12 @@ def rally_scene(ball: BallRecord, arm: ArmPose | None) -> dict[str, Any]:
         one step to the next, s; the first step is at the start of the record. `true`, `predicted`: the true and the predicted path, (n, 3).
         `asked`, `landed`: landing that was asked for and reached, (3,), or None. `ball`: for each step, the position of the ball, (3,),
         or None. `arm`: for each step, the line from joint to joint to the racket, (n, 3). `racket`: for each step, the rim of the racket,
-        (RIM, 3). `arm` and `racket` are empty without an arm.
+        (DRAWN_RIM_POINTS, 3). `arm` and `racket` are empty without an arm.
     """
-    times = np.arange(ball.start, min(ball.end, ball.start + SCENE_TIME), STEP)
+    times = np.arange(ball.start, min(ball.end, ball.start + SCENE_TIME), REPLAY_STEP)
     scene: dict[str, Any] = {
         "table": [TABLE_LENGTH, TABLE_WIDTH, NET_X, NET_HEIGHT, NET_OVERHANG],
-        "step": STEP,
+        "step": REPLAY_STEP,
         "true": _rounded(ball.truth[::4, 1:]),
         "predicted": _rounded(ball.path.positions) if ball.path is not None else [],
         "asked": [*ball.goal.landing.tolist(), 0.0] if ball.goal is not None else None,
@@ -67,8 +67,8 @@ def _ball_at(ball: BallRecord, times: Array) -> list[list[float] | None]:
 
 
 def _rim(middle: Array, rotation: Array) -> Array:
-    angles = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
-    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(RIM)])
+    angles = np.linspace(0.0, 2.0 * np.pi, DRAWN_RIM_POINTS, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(DRAWN_RIM_POINTS)])
     return middle + RACKET_RADIUS * circle @ rotation.T
 
 

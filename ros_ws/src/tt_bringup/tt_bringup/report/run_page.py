@@ -18,12 +18,12 @@ from ..reprocess import all_parameters, attachments, recorded_description
 from .arm_pose import ArmPose
 from .ball_images import BallImages, read_ball_images
 from .figures import from_above, from_the_side, joint_figures, landings, latencies, prediction_error
-from .rally_scene import STEP, rally_scene
+from .rally_scene import REPLAY_STEP, rally_scene
 from .run_record import BallRecord, RunRecord
-from .words import HEAD, facts, row, verdict
+from .words import HEAD, facts, run_summary, table_row
 
-FOLDER = "{}_balls"  # folder of the files of the balls, beside the page whose name (without .html) is inserted
-PAGE = Markup(
+BALLS_FOLDER = "{}_balls"  # folder of the files of the balls, beside the page whose name (without .html) is inserted
+BALL_PAGER = Markup(
     '<div id="balls"><p><button id="earlier" type="button">Earlier ball</button> <button id="later" type="button">Later ball</button></p>'
     '<div id="ball"></div></div>'
 )
@@ -46,7 +46,7 @@ def write_report(bag: Path, file: Path) -> RunRecord:
     run = RunRecord.read(bag)
     values = all_parameters(attachments(bag), [])
     arm = recorded_arm(run, values)
-    folder = file.with_name(FOLDER.format(file.stem))
+    folder = file.with_name(BALLS_FOLDER.format(file.stem))
     write_page(file, _page(run, folder.name))
     folder.mkdir(exist_ok=True)
     for old in folder.glob("ball_*.js"):
@@ -61,21 +61,21 @@ def _page(run: RunRecord, folder: str) -> str:
     balls = run.balls
     sections = []
     if balls:
-        rows: list[list[str]] = [row(ball) for ball in balls]
+        rows: list[list[str]] = [table_row(ball) for ball in balls]
         for cells in rows:
             cells[0] = Markup('<a href="#ball-{0}">{0}</a>').format(cells[0])
         figures = [landings(balls)] if any(ball.metrics for ball in balls) else []
         if any(ball.latencies for ball in balls):
             figures.append(latencies(balls))
         sections.append(Section("Balls", tables=[Table(HEAD, rows)], figures=figures))
-        sections.append(Section("Ball by ball", html=PAGE))
+        sections.append(Section("Ball by ball", html=BALL_PAGER))
     first = next((ball.number for ball in balls if ball.reason), 1)
     here = files(__package__)
     start = script_call("startReport", folder, len(balls), first) if balls else ""
     return html_page(
         f"Run of {datetime.fromtimestamp(balls[0].start):%d %B %Y, %H:%M}" if balls else "Run without a ball",
         sections,
-        lead=verdict(run),
+        lead=run_summary(run),
         scripts=[(here / "report.js").read_text() + start],
         styles=[(here / "report.css").read_text()],
     )
@@ -128,7 +128,7 @@ def _ball_file(ball: BallRecord, found: BallImages | None, run: RunRecord, arm: 
         "facts": facts(ball),
         "words": found.words if found is not None else "",
         "images": images,
-        "scene": {**scene, "strike": max(0, min(len(scene["ball"]) - 1, round((strike - ball.start) / STEP)))},
+        "scene": {**scene, "strike": max(0, min(len(scene["ball"]) - 1, round((strike - ball.start) / REPLAY_STEP)))},
         "figures": [
             {"title": figure.layout.title.text, "height": figure.layout.height, "figure": json.loads(figure_data(figure))}
             for figure in figures

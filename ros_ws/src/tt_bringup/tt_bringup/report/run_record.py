@@ -19,16 +19,16 @@ from ..demo_metrics import DemoMetrics, demo_metrics, launched_ball
 
 TOPICS = ("ball/measured", "ball/path", "return/goal", "joint_states", "arm/swing", "diagnostics", "sim/ball", "robot_description")
 OLD_NAMES = {"arm_trajectory_controller/joint_trajectory": "arm/swing"}  # present names of topics, by their names in old bags
-STAGES = {  # stages from the images to the first command, in order: name for people, by the event that ends the stage
+STAGE_NAMES = {  # stages from the images to the first command, in order: name for people, by the event that ends the stage
     Event.MEASURED: "measuring",
     Event.PATH: "predicting",
     Event.STROKES: "finding strokes",
     Event.FIRST_COMMAND: "planning and first command",
 }
 BEFORE, AFTER = 0.3, 2.0  # s before and after the measurement of a ball that count as its time if no simulator tells it
-SAME = 1e-4  # s, largest difference between the stamps of two results of the same burst (the images of one ball)
+SAME_STAMP = 1e-4  # s, largest difference between the stamps of two results of the same burst (the images of one ball)
 LATEST_GOAL = 0.8  # s after the launch of a ball; a goal that comes later is for the next ball
-NEAREST = 0.01  # s, largest difference in time between a measurement and the true state with which it is compared
+MOST_TIME_DIFFERENCE = 0.01  # s, largest difference in time between a measurement and the true state with which it is compared
 
 OVER = {"launched", "result"}  # keys by which a status about a ball that is over is recognized, also in old bags
 
@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Swing:
+class RecordedSwing:
     """A planned swing: the joint motion with which the arm hits the ball.
 
     Attributes:
@@ -66,7 +66,7 @@ class BallRecord:
         swing: Last planned swing.
         joints: (n, 1 + 2 joints) joint states from start to end; each row is time (s), positions (rad or m), speeds (rad/s or m/s).
         truth: (n, 4) true states of the ball from start to end; each row is time (s) and position (m).
-        latencies: Time from the last camera image to the end of each stage, ms, by the event of STAGES.
+        latencies: Time from the last camera image to the end of each stage, ms, by the event of STAGE_NAMES.
         warnings: Warnings of the nodes during this time, each once.
         metrics: Comparison of what was true, measured, asked for and reached; None if no simulator tells the truth.
     """
@@ -77,7 +77,7 @@ class BallRecord:
     measured: BallState | None
     path: BallPath | None
     goal: ReturnGoal | None
-    swing: Swing | None
+    swing: RecordedSwing | None
     joints: Array
     truth: Array
     latencies: Mapping[Event, float]
@@ -138,7 +138,7 @@ class _Messages:
     measured: list[BallState] = field(default_factory=list)
     paths: list[BallPath] = field(default_factory=list)
     goals: list[tuple[float, ReturnGoal]] = field(default_factory=list)
-    swings: list[Swing] = field(default_factory=list)
+    swings: list[RecordedSwing] = field(default_factory=list)
     joints: list[list[float]] = field(default_factory=list)
     truth: list[BallState] = field(default_factory=list)
     statuses: list[ReceivedStatus] = field(default_factory=list)
@@ -231,12 +231,12 @@ class _Messages:
         )
 
     def _true(self, measured: BallState | None, times: Array) -> BallState | None:
-        """Return the recorded true ball that is nearest in time to a measurement; None if none is within NEAREST. times: of `truth`, s."""
+        """Return the recorded true ball nearest in time to a measurement; None beyond MOST_TIME_DIFFERENCE. times: of `truth`, s."""
         if measured is None or not len(times):
             return None
         after = int(np.searchsorted(times, measured.time))
         nearest = min(self.truth[max(0, after - 1) : after + 1], key=lambda ball: abs(ball.time - measured.time))
-        return nearest if abs(nearest.time - measured.time) < NEAREST else None
+        return nearest if abs(nearest.time - measured.time) < MOST_TIME_DIFFERENCE else None
 
 
 class _Span(NamedTuple):
@@ -269,15 +269,15 @@ def _latencies(statuses: Sequence[ReceivedStatus], measured: BallState | None) -
     found: dict[Event, float] = {}
     for status in statuses:
         event = Event.MEASURED if status.event is Event.FIRST_ESTIMATE else status.event
-        if event not in STAGES or "latency_ms" not in status.values or event in found:
+        if event not in STAGE_NAMES or "latency_ms" not in status.values or event in found:
             continue
-        if measured is None or abs(float(status.values.get("stamp", measured.time)) - measured.time) < SAME:
+        if measured is None or abs(float(status.values.get("stamp", measured.time)) - measured.time) < SAME_STAMP:
             found[event] = float(status.values["latency_ms"])
     return found
 
 
-def _swing(message: Any) -> Swing:
+def _swing(message: Any) -> RecordedSwing:
     start = seconds(message.header.stamp)
     times = np.array([start + seconds(point.time_from_start) for point in message.points])
     q, qdot = (np.array([getattr(point, name) for point in message.points]) for name in ("positions", "velocities"))
-    return Swing(times, q, qdot, float(times[np.argmax(np.abs(qdot).max(axis=1))]))
+    return RecordedSwing(times, q, qdot, float(times[np.argmax(np.abs(qdot).max(axis=1))]))

@@ -14,11 +14,11 @@ from tt_core.ros.diagnostics import Event
 from ..demo_metrics import DemoMetrics
 from .run_record import BallRecord, RunRecord
 
-COLUMNS = 80  # characters, width of the text in the terminal
+TEXT_WIDTH = 80  # characters, width of the text in the terminal
 HEAD = ("ball", "shot", "spin, rpm", "off, rpm", "hit", "landing off, cm", "latency, ms", "why not returned")
 
 
-def verdict(run: RunRecord) -> list[str]:
+def run_summary(run: RunRecord) -> list[str]:
     """Return the summary of a run as sentences: balls returned, errors, latencies, reasons."""
     balls = run.balls
     if not balls:
@@ -36,7 +36,7 @@ def verdict(run: RunRecord) -> list[str]:
 
 def _returned(metrics: Sequence[DemoMetrics]) -> str:
     hit, landed = sum(m.hit for m in metrics), sum(m.landed for m in metrics)
-    off = [value for m in metrics if (value := landing_error(m)) is not None and m.landed]
+    off = [value for m in metrics if (value := shown_landing_error(m)) is not None and m.landed]
     text = f"{hit} of {_count(len(metrics))} hit, {landed} landed on the opponent's half"
     return f"{text}, {100 * np.median(off):.1f} cm from where asked (median)." if off else f"{text}."
 
@@ -50,17 +50,17 @@ def _count(number: int) -> str:
     return f"{number} ball{'' if number == 1 else 's'}"
 
 
-def landing_error(metrics: DemoMetrics) -> float | None:
+def shown_landing_error(metrics: DemoMetrics) -> float | None:
     """Return the distance from the landing that was asked for to the one that was reached, m; None if the ball did not land."""
     if metrics.landing_reached is None:
         return None
     return float(np.hypot(*np.subtract(metrics.landing_reached, metrics.landing_asked)))
 
 
-def row(ball: BallRecord) -> list[str]:
+def table_row(ball: BallRecord) -> list[str]:
     """Return the cells of a ball's row in the table with the columns HEAD. A value that does not exist is a dash."""
     m, spin = ball.metrics, ball.measured.spin if ball.measured is not None else None
-    off = landing_error(m) if m is not None else None
+    off = shown_landing_error(m) if m is not None else None
     first = ball.latencies.get(Event.FIRST_COMMAND)
     return [
         str(ball.number),
@@ -90,7 +90,7 @@ def facts(ball: BallRecord) -> list[tuple[str, str]]:
         found.append(("return spin asked", f"{ball.goal.spin_y:.0f} rad/s about y, {ball.goal.spin_z:.0f} rad/s about z"))
     if m is not None and m.landing_reached is not None:
         late = "" if m.time_error_s is None else f", {abs(1e3 * m.time_error_s):.1f} ms {'late' if m.time_error_s > 0 else 'early'}"
-        off = landing_error(m) or 0.0
+        off = shown_landing_error(m) or 0.0
         found.append(("landing reached", f"x, y = {_places(m.landing_reached)} m, {100 * off:.1f} cm off{late}"))
     if m is not None and m.return_spin_reached is not None:
         y, z = m.return_spin_reached
@@ -110,15 +110,15 @@ def _places(values: Sequence[float]) -> str:
 
 
 def print_run(run: RunRecord, console: Console | None = None) -> None:
-    """Print the summary of a run and a table of its balls, at most COLUMNS characters wide.
+    """Print the summary of a run and a table of its balls, at most TEXT_WIDTH characters wide.
 
     Args:
         run: The run.
         console: Where to print; None for standard output.
     """
     console = console or Console()
-    console.width = min(console.width, COLUMNS)
-    for sentence in verdict(run):
+    console.width = min(console.width, TEXT_WIDTH)
+    for sentence in run_summary(run):
         console.print(sentence, markup=False, highlight=False)
     if not run.balls:
         return
@@ -126,7 +126,7 @@ def print_run(run: RunRecord, console: Console | None = None) -> None:
     for name in HEAD[:-1]:
         table.add_column(name, justify="left" if name == HEAD[1] else "right")
     for ball in run.balls:
-        table.add_row(*row(ball)[:-1])
+        table.add_row(*table_row(ball)[:-1])
     console.print(table)
     for ball in run.balls:
         if ball.reason:

@@ -21,11 +21,11 @@ from tt_core.errors import TtError
 
 COOKIE = "view_token"
 LARGEST_HEAD = 2**14  # bytes, largest head of a request
-PATIENCE = 10.0  # s, longest wait for the head of a request
+HEAD_TIMEOUT = 10.0  # s, longest wait for the head of a request
 BLOCK = 2**16  # bytes that are passed on at a time
 
 
-class Answer(Enum):
+class Decision(Enum):
     """What the gate does with a request."""
 
     ADMIT = "passed on to the page"
@@ -85,7 +85,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def judge(request: Request, token: str) -> Answer:
+def decide(request: Request, token: str) -> Decision:
     """Decide what to do with a request.
 
     A WebSocket is refused unless it comes from the page itself: the host of its origin must be the host to which it is sent. If no token is
@@ -97,12 +97,12 @@ def judge(request: Request, token: str) -> Answer:
     """
     host, origin = request.headers.get("host", ""), request.headers.get("origin")
     if request.is_websocket and origin is not None and urlsplit(origin).netloc != host:
-        return Answer.REFUSE
+        return Decision.REFUSE
     if not token:
-        return Answer.ADMIT if is_loopback(urlsplit(f"//{host}").hostname or "") else Answer.REFUSE
+        return Decision.ADMIT if is_loopback(urlsplit(f"//{host}").hostname or "") else Decision.REFUSE
     if any(hmac.compare_digest(given.encode(), token.encode()) for given in request.tokens):
-        return Answer.ADMIT if request.is_websocket else Answer.REMEMBER
-    return Answer.ADMIT if hmac.compare_digest(request.cookie.encode(), token.encode()) else Answer.REFUSE
+        return Decision.ADMIT if request.is_websocket else Decision.REMEMBER
+    return Decision.ADMIT if hmac.compare_digest(request.cookie.encode(), token.encode()) else Decision.REFUSE
 
 
 class Gate:
@@ -147,22 +147,22 @@ class Gate:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, asyncio.TimeoutError, TtError):
-            head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), PATIENCE)
+            head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_TIMEOUT)
             request = Request.parse(head)
-            answer = judge(request, self._token)
-            if answer is Answer.ADMIT:
+            decision = decide(request, self._token)
+            if decision is Decision.ADMIT:
                 self.watchers += request.is_websocket
                 try:
                     await self._pass_on(head, reader, writer)
                 finally:
                     self.watchers -= request.is_websocket
             else:
-                writer.write(self._response(answer))
+                writer.write(self._response(decision))
                 await writer.drain()
         writer.close()
 
-    def _response(self, answer: Answer) -> bytes:
-        if answer is Answer.REMEMBER:
+    def _response(self, decision: Decision) -> bytes:
+        if decision is Decision.REMEMBER:
             cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
             lines = ["HTTP/1.1 303 See Other", "Location: /", f"Set-Cookie: {cookie}"]
             text = ""

@@ -16,17 +16,17 @@ from tt_core.constants import FLOOR_Z, NET_X, TABLE_LENGTH, TABLE_WIDTH
 from tt_core.errors import TtError
 from tt_core.states import ReturnGoal
 from tt_racket.goal import GoalParams
-from tt_sim.world.launcher import KINDS, RATES, SCALES
+from tt_sim.world.launcher import RATES, SCALES, SHOT_KINDS
 
 from .actions import Action, Enable, Launch, Pause, SetGoal, SetRate, Step, Stop
 from .items import Item
 from .readings import Readings
-from .scene import Scene
+from .scene import DrawnScene
 from .viser_scene import ViserScene
 
 TITLE = "Table tennis robot"
-COLOURS = ("#2e8b57", "#c77f1a", "#c0392b", "#888888")  # colours of the levels of diagnostics: OK, warning, error, stale
-NAMES = ("ok", "warning", "error", "stale")
+LEVEL_COLOURS = ("#2e8b57", "#c77f1a", "#c0392b", "#888888")  # colours of the levels of diagnostics: OK, warning, error, stale
+LEVEL_NAMES = ("ok", "warning", "error", "stale")
 EYE, TARGET = (-1.6, -3.1, 2.3), (0.75, 0.76, 0.0)  # m in `table`, first position of the view's camera, and the point it looks at
 FIELD_OF_VIEW = 0.9  # rad, vertical
 NARROW = np.array([-0.4, -0.5, 1.3])  # m, shift of both in a narrow window, so that the table is above the panels
@@ -75,10 +75,10 @@ class Page:
 
     def _add_ball(self, gui: viser.GuiApi) -> None:
         with gui.add_folder("Ball"):
-            kind = gui.add_dropdown("Kind", KINDS)
-            scale = gui.add_slider("Scale", SCALES[0], SCALES[1], 1, 3)
+            kind = gui.add_dropdown("Kind", SHOT_KINDS)
+            scale = gui.add_slider("Scale", *SCALES, 1, 3)
             launch = gui.add_button("Launch a ball")
-            rate = gui.add_slider("Balls a minute", RATES[0], RATES[1], 1.0, 30.0)
+            rate = gui.add_slider("Balls a minute", *RATES, 1.0, 30.0)
             repeat, cease = gui.add_button("Launch at this rate"), gui.add_button("Cease launching")
         launch.on_click(lambda _: self.actions.put(Launch(f"{kind.value} {int(scale.value)}")))
         repeat.on_click(lambda _: self.actions.put(SetRate(f"{kind.value} {int(scale.value)}", float(rate.value))))
@@ -121,7 +121,7 @@ class Page:
         with self._server.atomic():
             self._scene.draw(items)
 
-    def show(self, scene: Scene, readings: Readings, now: float) -> None:
+    def show(self, scene: DrawnScene, readings: Readings, now: float) -> None:
         """Update the panels: images, latencies, joint speeds, diagnostics and the message to the user.
 
         Args:
@@ -190,13 +190,13 @@ def latency_table(readings: Readings) -> str:
     return f"<table style='{STYLE}'><tr><td></td><td align='right'>newest</td><td align='right'>median</td></tr>{rows}</table>"
 
 
-def speed_bars(scene: Scene) -> str:
+def speed_bars(scene: DrawnScene) -> str:
     """Return a table with a bar for each joint, its speed relative to its limit, as HTML."""
     rows = []
     for name, limit in scene.robot.speed_limits.items():
         speed = abs(scene.joints.speeds.get(name, 0.0))
         share = min(1.0, speed / limit) if limit > 0.0 else 0.0
-        colour = COLOURS[0] if share < 0.8 else COLOURS[1] if share < 1.0 else COLOURS[2]
+        colour = LEVEL_COLOURS[0] if share < 0.8 else LEVEL_COLOURS[1] if share < 1.0 else LEVEL_COLOURS[2]
         bar = f"<div style='background:{colour};height:0.8em;width:{100.0 * share:.1f}%'></div>"
         value = f"{speed:.2f} / {limit:.2f}"
         rows.append(
@@ -210,7 +210,7 @@ def health_table(readings: Readings, now: float) -> str:
     rows = []
     for status in readings.health_at(now):
         level = min(status.level, 3)
-        label = f"<span style='color:{COLOURS[level]}'>{NAMES[level]}</span>"
+        label = f"<span style='color:{LEVEL_COLOURS[level]}'>{LEVEL_NAMES[level]}</span>"
         rows.append(
             f"<tr style='vertical-align:top'><td>{html.escape(status.name[:40])}</td><td>{label}</td>"
             f"<td>{html.escape(status.message[:120])}</td></tr>"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-KEPT = 50  # number of newest latencies that are kept of each stage
+KEPT_LATENCIES = 50  # number of newest latencies that are kept of each stage
 MOST_NAMES = 60  # most statuses that are kept
 STALE = 5.0  # s without repetition, after which a status is stale
 IMAGE_KEPT = 1.0  # s during which a darker image does not replace a brighter one
@@ -65,7 +65,7 @@ class Readings:
 
     def take_latency(self, stage: str, milliseconds: float) -> None:
         """Add a latency (ms) of a stage, e.g. "measured"."""
-        self.latencies.setdefault(stage, deque(maxlen=KEPT)).append(milliseconds)
+        self.latencies.setdefault(stage, deque(maxlen=KEPT_LATENCIES)).append(milliseconds)
 
     def take_image(self, camera: str, image: np.ndarray, now: float) -> None:
         """Keep a camera image, unless a brighter one arrived less than IMAGE_KEPT s before.

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from tt_arm.arm_urdf.urdf import RACKET_LINK
 from tt_core.arrays import Array
 from tt_core.errors import TtError
 
@@ -16,7 +17,6 @@ from .items import Colour, Item, Shape
 
 GREY: Colour = (0.62, 0.65, 0.7, 1.0)  # colour of a link, if the URDF gives it none
 RED: Colour = (0.75, 0.13, 0.12, 1.0)  # colour of the racket, if the URDF gives it none
-RACKET = "racket"
 
 
 class RobotShapes:
@@ -81,7 +81,7 @@ def _visual(robot: ET.Element, link: ET.Element, index: int, visual: ET.Element)
     origin = visual.find("origin")
     position = _numbers(origin, "xyz", (0.0, 0.0, 0.0))
     rotation = pin.rpy.rpyToMatrix(*_numbers(origin, "rpy", (0.0, 0.0, 0.0)))
-    colour = _colour(robot, visual) or (RED if link.get("name") == RACKET else GREY)
+    colour = _colour(robot, visual) or (RED if link.get("name") == RACKET_LINK else GREY)
     shape, size, mesh = _geometry(name, visual.find("geometry"))
     return Item(name, shape, colour, size, position, rotation, mesh=mesh)
 

@@ -39,8 +39,8 @@ PATH_LIFETIME = 2.0  # s for which a path is shown after its end, and strokes af
 LANDING_LIFETIME = 6.0  # s for which a landing is shown
 TRAIL = 1.2  # s, length of the trail of the true ball
 TRAIL_POINTS = 400  # most points of this trail
-SAMPLES = 8  # number of ellipsoids along a path
-SIGMAS = 3.0  # half axes of an ellipsoid in standard deviations
+ELLIPSOIDS = 8  # number of ellipsoids along a path
+ELLIPSOID_SIGMAS = 3.0  # half axes of an ellipsoid in standard deviations
 STROKES = 6  # most candidate strokes that are shown
 SPIN_LENGTH = 1e-3  # m, length of the spin's arrow for 1 rad/s
 SAME_CLOCK = 5.0  # s between stamp and arrival, above which they are taken to be of different clocks
@@ -49,7 +49,7 @@ STATES = 32  # number of newest states that are kept, because the tracker may se
 
 BLUE: Colour = (0.09, 0.29, 0.46, 1.0)
 WHITE: Colour = (0.95, 0.95, 0.95, 1.0)
-NET: Colour = (0.85, 0.85, 0.85, 0.45)
+NET_COLOUR: Colour = (0.85, 0.85, 0.85, 0.45)
 ORANGE: Colour = (0.95, 0.55, 0.1, 1.0)  # the true ball
 CYAN: Colour = (0.1, 0.7, 0.75, 0.8)  # the estimated ball
 PALE: Colour = (0.1, 0.7, 0.75, 0.2)  # its uncertainty
@@ -70,7 +70,7 @@ def table_items() -> list[Item]:
         box("table/top", BLUE, (TABLE_LENGTH, TABLE_WIDTH, TABLE_THICKNESS), centre),
         line("table/edges", WHITE, np.column_stack([inner, np.full(5, above)]), width),
         line("table/middle", WHITE, middle, 0.15 * width),
-        box("table/net", NET, (0.01, TABLE_WIDTH + 2.0 * NET_OVERHANG, NET_HEIGHT), (NET_X, 0.5 * TABLE_WIDTH, 0.5 * NET_HEIGHT)),
+        box("table/net", NET_COLOUR, (0.01, TABLE_WIDTH + 2.0 * NET_OVERHANG, NET_HEIGHT), (NET_X, 0.5 * TABLE_WIDTH, 0.5 * NET_HEIGHT)),
     ]
 
 
@@ -90,7 +90,7 @@ class Timed(Generic[T]):
 
 
 @dataclass(slots=True)
-class Joints:
+class ShownJoints:
     """A joint state.
 
     Attributes:
@@ -102,7 +102,7 @@ class Joints:
     speeds: Mapping[str, float] = field(default_factory=dict)
 
 
-class Scene:
+class DrawnScene:
     """Everything that is drawn in 3D: table, arm, ball, predicted path, strokes, landing places.
 
     The `take_...` methods give it new data. In all of them `now` is the time of arrival, s.
@@ -138,10 +138,10 @@ class Scene:
 
     def take_robot(self, robot: RobotShapes) -> None:
         """Show another arm, at its neutral posture until joint states arrive. robot: its shapes."""
-        self.robot, self.joints = robot, Joints()
+        self.robot, self.joints = robot, ShownJoints()
         self._arm = robot.items({})
 
-    def take_joints(self, stamp: float, joints: Joints, now: float) -> None:
+    def take_joints(self, stamp: float, joints: ShownJoints, now: float) -> None:
         """Show the arm at a joint state.
 
         Args:
@@ -241,13 +241,13 @@ class Scene:
         start = next((state for state in reversed(self._states) if abs(state.time - path.times[0]) <= MATCH), None)
         if start is None or start.covariance is None:
             return []
-        times = np.linspace(path.times[0], path.times[-1], SAMPLES + 1)[1:]
+        times = np.linspace(path.times[0], path.times[-1], ELLIPSOIDS + 1)[1:]
         try:
             places = covariances(start, self._physics, times)[:, :3, :3]
         except TtError:  # the covariance cannot be used: the path is drawn without it
             return []
         rows = zip(itertools.count(), times, places, strict=False)
-        return [ellipsoid(f"path/uncertainty{i}", PALE, path.at(time).position, place, SIGMAS) for i, time, place in rows]
+        return [ellipsoid(f"path/uncertainty{i}", PALE, path.at(time).position, place, ELLIPSOID_SIGMAS) for i, time, place in rows]
 
 
 def _spinning(name: str, colour: Colour, state: BallState) -> list[Item]:

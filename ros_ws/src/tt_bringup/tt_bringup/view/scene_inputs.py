@@ -24,17 +24,15 @@ from tt_core.ros.convert import (
     strokes_from_message,
 )
 from tt_core.ros.diagnostics import Event, Status, read_status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_JOINTS, LARGEST_PATH, LARGEST_STATE, LARGEST_STROKES, Input
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import Array
 
 from .robot_shapes import RobotShapes
-from .scene import Joints, Scene, warm
+from .scene import DrawnScene, ShownJoints, warm
 
-# bytes, largest message of each kind that is read
-LARGEST_STATE, LARGEST_PATH, LARGEST_STROKES, LARGEST_JOINTS, LARGEST_GOAL, LARGEST_URDF = 4096, 2**19, 2**15, 2**16, 4096, 2**22
-LARGEST_DIAGNOSTICS = 2**18
+LARGEST_URDF, LARGEST_DIAGNOSTICS = 2**22, 2**18  # bytes, largest message of each kind that is read
 
 
 class SceneInputs:
@@ -63,7 +61,7 @@ class SceneInputs:
             also: Called with each message on /diagnostics, too.
         """
         self._node, self._urdf, self._also = node, ArmModel.pa10().placed_description, also
-        self.scene = Scene(RobotShapes(self._urdf), physics)
+        self.scene = DrawnScene(RobotShapes(self._urdf), physics)
         self.refused = Refusals(status, "message")
         warm(physics)
         refused, trajectory = self.refused, MultiDOFJointTrajectory
@@ -99,7 +97,7 @@ class SceneInputs:
                 return
             stamp, q, qdot = state
             speeds = {} if qdot is None else dict(zip(names, qdot.tolist(), strict=True))
-            self.scene.take_joints(stamp, Joints(dict(zip(names, q.tolist(), strict=True)), speeds), self.now())
+            self.scene.take_joints(stamp, ShownJoints(dict(zip(names, q.tolist(), strict=True)), speeds), self.now())
         except TtError as error:
             self.refused(error)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import unquote, urlparse
 
 import numpy as np
@@ -17,6 +17,13 @@ from tt_core.arrays import Array
 from .items import Item, Shape
 
 
+class _Drawn(NamedTuple):
+    """An item that is drawn, and its viser handle."""
+
+    item: Item
+    handle: Any
+
+
 class ViserScene:
     """The 3D scene of a viser server.
 
@@ -27,7 +34,7 @@ class ViserScene:
     def __init__(self, scene: viser.SceneApi) -> None:
         """Begin with an empty scene."""
         self._scene = scene
-        self._drawn: dict[str, tuple[Item, Any]] = {}  # drawn items with their viser handles, by name
+        self._drawn: dict[str, _Drawn] = {}  # by the name of the item
         self.missing: set[str] = set()
 
     def draw(self, items: Sequence[Item]) -> None:
@@ -37,21 +44,21 @@ class ViserScene:
             self._remove(name)
         for name, item in wanted.items():
             before = self._drawn.get(name)
-            if before is not None and before[0] is item:
+            if before is not None and before.item is item:
                 continue
-            if before is None or not _is_same_form(before[0], item):
+            if before is None or not _is_same_form(before.item, item):
                 self._remove(name)
                 handle = self._add(item)
                 if handle is None:
                     continue
             else:
-                handle = before[1]
+                handle = before.handle
                 _move(handle, item)
-            self._drawn[name] = item, handle
+            self._drawn[name] = _Drawn(item, handle)
 
     def _remove(self, name: str) -> None:
         if name in self._drawn:
-            self._drawn.pop(name)[1].remove()
+            self._drawn.pop(name).handle.remove()
 
     def _add(self, item: Item) -> Any:
         """Return the handle of a new item; None for a mesh that cannot be loaded."""

@@ -24,7 +24,7 @@ from rosbags.typesys.store import Typestore
 
 from ..errors import TtError
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
+TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 SUFFIXES = (".mcap", ".db3", ".bag")
 _IDL = "=" * 80 + "\nIDL: "  # before each file of an IDL definition
 
@@ -175,7 +175,7 @@ class Bag:
         Raises:
             BagError: Neither the bag nor ROS 2 Jazzy defines the type, or the bytes are no message of this type.
         """
-        types = TYPES if self._is_ros1 else self._types
+        types = TYPESTORE if self._is_ros1 else self._types
         if message.kind not in types.fielddefs:
             raise BagError(f"{message.topic} in {self.path} has the unknown type {message.kind}")
         try:
@@ -217,14 +217,14 @@ class Bag:
         """Return the function that converts the bag's bytes to a CDR message of ROS 2 Jazzy. Raises KeyError for an unknown type."""
         if not self._is_ros1:
             return unpacked
-        if is_same_wireformat(self._types, TYPES, kind, kind):
-            return partial(TYPES.ros1_to_cdr, typename=kind)
-        return partial(migrate_bytes, self._types, TYPES, kind, kind, {}, src_is2=False, dst_is2=True)
+        if is_same_wireformat(self._types, TYPESTORE, kind, kind):
+            return partial(TYPESTORE.ros1_to_cdr, typename=kind)
+        return partial(migrate_bytes, self._types, TYPESTORE, kind, kind, {}, src_is2=False, dst_is2=True)
 
     @cached_property
     def _types(self) -> Typestore:
         """The types as the bag defines them, and those of Jazzy for what it does not define."""
-        types: dict[str, Any] = {} if self._is_ros1 else dict(TYPES.fielddefs)
+        types: dict[str, Any] = {} if self._is_ros1 else dict(TYPESTORE.fielddefs)
         for connection in self._connections:
             with suppress(Exception):  # a definition that cannot be parsed: the type is unknown, which `decode` tells
                 types |= _definitions(connection)

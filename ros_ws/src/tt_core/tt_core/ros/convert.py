@@ -24,19 +24,19 @@ from ..images import MOST_PIXELS, grey_image
 from ..lens import rational_from_fisheye
 from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
 
-UNKNOWN = 1e6  # variance of a quantity that is not known
+UNKNOWN_VARIANCE = 1e6  # variance of a quantity that is not known
 
 # Bounds of the numbers in messages, far above what occurs in table tennis. A message beyond them is refused before anything is computed.
 PLACE = 100.0  # m, of each coordinate: no hall is larger
-SPEED = 100.0  # m/s, of each component: three times the fastest smashes
-SPIN = 3000.0  # rad/s, of each component: three times the fastest spins, 150 rev/s
-VARIANCE = 1e12  # of anything; what is not known has UNKNOWN or more
+LARGEST_BALL_SPEED = 100.0  # m/s, of each component: three times the fastest smashes
+LARGEST_BALL_SPIN = 3000.0  # rad/s, of each component: three times the fastest spins, 150 rev/s
+VARIANCE = 1e12  # of anything; what is not known has UNKNOWN_VARIANCE or more
 FOCAL = 1e6  # pixels, of every number of K: a field of view of a hundredth of a degree
 LENS = 1e9  # of a distortion coefficient; high orders of narrow lenses are large
 PIXEL = 1e5  # pixels, of where a ball is seen
-NEWEST = 2.0**31 - 1000.0  # s, largest stamp: it fits into 32 bits, and so do times that are computed from it
+LARGEST_STAMP = 2.0**31 - 1000.0  # s, largest stamp: it fits into 32 bits, and so do times that are computed from it
 FROM_START = (-1.0, 100.0)  # s, of time_from_start
-MOST_POINTS = 2000  # of a path: predict_node publishes at most tt_predict.rollout.MOST_POINTS
+MOST_PATH_POINTS = 2000  # of a path: predict_node publishes at most tt_predict.rollout.MOST_POINTS
 MOST_STROKES = 64  # of a list of candidates: racket_node publishes at most tt_racket.intercept.MOST_CANDIDATES
 
 
@@ -62,11 +62,11 @@ def stamp_seconds(message: Time) -> float:
 
     Raises:
         BadMessage: The stamp has a second of nanoseconds or more.
-        OutOfRange: The stamp is outside 0 to NEWEST.
+        OutOfRange: The stamp is outside 0 to LARGEST_STAMP.
     """
     if message.nanosec >= 10**9:
         raise BadMessage(MessageFailure.BAD_STAMP, sec=message.sec, nanosec=message.nanosec)
-    return check_range("stamp, s,", seconds(message), 0.0, NEWEST)
+    return check_range("stamp, s,", seconds(message), 0.0, LARGEST_STAMP)
 
 
 def _bounded(name: str, values: object, shape: tuple[int, ...], bound: float) -> Array:
@@ -126,7 +126,7 @@ def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometr
     if message is None:
         message = Odometry(child_frame_id="ball")
         message.header.frame_id = "table"
-        covariance = np.diag([UNKNOWN] * 9) if ball.covariance is None else ball.covariance
+        covariance = np.diag([UNKNOWN_VARIANCE] * 9) if ball.covariance is None else ball.covariance
         in_pose = np.zeros((6, 6))
         in_pose[:3, :3] = covariance[:3, :3]
         message.pose.covariance, message.twist.covariance = in_pose.ravel(), covariance[3:, 3:].ravel()
@@ -138,7 +138,7 @@ def ball_to_message(ball: BallState, message: Odometry | None = None) -> Odometr
 
 
 def ball_from_message(message: Odometry) -> BallState:
-    """Return the state of the ball in a message, in `table`; its covariance is None if no variance is below UNKNOWN.
+    """Return the state of the ball in a message, in `table`; its covariance is None if no variance is below UNKNOWN_VARIANCE.
 
     Raises:
         TtError: The frames are not `table` and `ball`, a number is outside its bound, or a covariance is not positive semidefinite.
@@ -150,12 +150,12 @@ def ball_from_message(message: Odometry) -> BallState:
     covariance = np.zeros((9, 9))
     covariance[:3, :3] = _covariance("covariance of the pose", message.pose.covariance)[:3, :3]
     covariance[3:, 3:] = _covariance("covariance of the twist", message.twist.covariance)
-    known = (np.diag(covariance) < UNKNOWN).any()
+    known = (np.diag(covariance) < UNKNOWN_VARIANCE).any()
     return BallState(
         stamp_seconds(message.header.stamp),
         _bounded("position", _numbers(position), (3,), PLACE),
-        _bounded("velocity", _numbers(twist.linear), (3,), SPEED),
-        _bounded("spin", _numbers(twist.angular), (3,), SPIN),
+        _bounded("velocity", _numbers(twist.linear), (3,), LARGEST_BALL_SPEED),
+        _bounded("spin", _numbers(twist.angular), (3,), LARGEST_BALL_SPIN),
         covariance if known else None,
     )
 
@@ -200,16 +200,16 @@ def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
     """Return a path, the predicted flight of the ball, as a message. Two points of the same time are a bounce.
 
     Raises:
-        TtError: The path has more than MOST_POINTS points, or a number is outside its bound.
+        TtError: The path has more than MOST_PATH_POINTS points, or a number is outside its bound.
     """
-    check_range("number of points of the path", len(path.times), 1, MOST_POINTS)
+    check_range("number of points of the path", len(path.times), 1, MOST_PATH_POINTS)
     start = float(path.times[0])
     check_range("duration of the path, s,", path.times[-1] - start, *FROM_START)
     rows = zip(
         (path.times - start).tolist(),
         _bounded("position", path.positions, (-1, 3), PLACE).tolist(),
-        _bounded("velocity", path.velocities, (-1, 3), SPEED).tolist(),
-        _bounded("spin", path.spins, (-1, 3), SPIN).tolist(),
+        _bounded("velocity", path.velocities, (-1, 3), LARGEST_BALL_SPEED).tolist(),
+        _bounded("spin", path.spins, (-1, 3), LARGEST_BALL_SPIN).tolist(),
         strict=True,
     )
     return _trajectory(start, "ball", [_point(*row) for row in rows])
@@ -219,14 +219,14 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
     """Return the path in a message, the predicted flight of the ball in `table`. Two points of the same time are a bounce.
 
     Raises:
-        TtError: The message is no trajectory of one joint `ball` in `table`, has more than MOST_POINTS points, its times decrease, or a
-            number is outside its bound.
+        TtError: The message is no trajectory of one joint `ball` in `table`, has more than MOST_PATH_POINTS points, its times decrease, or
+            a number is outside its bound.
     """
-    start = _check(message, "ball", 1, MOST_POINTS)
+    start = _check(message, "ball", 1, MOST_PATH_POINTS)
     times = np.array([start + _after(point) for point in message.points])
     positions = _bounded("position", [_numbers(p.transforms[0].translation) for p in message.points], (-1, 3), PLACE)
-    velocities = _bounded("velocity", [_numbers(p.velocities[0].linear) for p in message.points], (-1, 3), SPEED)
-    spins = _bounded("spin", [_numbers(p.velocities[0].angular) for p in message.points], (-1, 3), SPIN)
+    velocities = _bounded("velocity", [_numbers(p.velocities[0].linear) for p in message.points], (-1, 3), LARGEST_BALL_SPEED)
+    spins = _bounded("spin", [_numbers(p.velocities[0].angular) for p in message.points], (-1, 3), LARGEST_BALL_SPIN)
     states = [BallState.trusted(*row) for row in zip(times.tolist(), positions, velocities, spins, strict=True)]
     bounces = tuple(Bounce(a, b) for a, b in itertools.pairwise(states) if a.time == b.time)
     return BallPath(times, positions, velocities, spins, bounces)
@@ -264,7 +264,7 @@ def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
     _check(message, "ball", 1, 1)
     point = message.points[0]
     landing = _bounded("landing", _numbers(point.transforms[0].translation), (3,), PLACE)
-    spin = _bounded("spin", _numbers(point.velocities[0].angular), (3,), SPIN)
+    spin = _bounded("spin", _numbers(point.velocities[0].angular), (3,), LARGEST_BALL_SPIN)
     return ReturnGoal(landing[:2], _after(point), spin[1], spin[2])
 
 
@@ -284,7 +284,7 @@ def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJ
     rows = zip(
         [check_range("time of the strike after the path's start, s,", racket.time - time, *FROM_START) for racket in rackets],
         _bounded("position", [racket.position for racket in rackets], (-1, 3), PLACE).tolist(),
-        _bounded("velocity", [racket.velocity for racket in rackets], (-1, 3), SPEED).tolist(),
+        _bounded("velocity", [racket.velocity for racket in rackets], (-1, 3), LARGEST_BALL_SPEED).tolist(),
         strict=True,
     )
     points = [_point(*row) for row in rows]
@@ -310,7 +310,7 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
             raise BadMessage(MessageFailure.NO_ROTATION, quaternion=turn)
     times = [start + _after(point) for point in points]
     positions = _bounded("position", [_numbers(point.transforms[0].translation) for point in points], (-1, 3), PLACE)
-    velocities = _bounded("velocity", [_numbers(point.velocities[0].linear) for point in points], (-1, 3), SPEED)
+    velocities = _bounded("velocity", [_numbers(point.velocities[0].linear) for point in points], (-1, 3), LARGEST_BALL_SPEED)
     normals = Rotation.from_quat(turns).as_matrix()[:, :, 2]
     return [RacketState.facing(*row) for row in zip(times, positions, velocities, normals, strict=True)]
 

@@ -19,10 +19,10 @@ from .inputs import Input
 from .qos import RELIABLE
 from .terminal import Terminal
 
-PERIOD = 1.0  # s between two reports about the inputs, and between two repetitions of a status (REP-107)
+STATUS_PERIOD = 1.0  # s between two reports about the inputs, and between two repetitions of a status (REP-107)
 INPUTS = "inputs"  # part that tells what a node waits for
 REPEATED = "since"  # key of a repeated status: when it was first published, s
-GRACE = 5.0  # s from the start of a node, in which a missing publisher is not reported as a warning
+START_GRACE = 5.0  # s from the start of a node, in which a missing publisher is not reported as a warning
 
 
 class Event(Enum):
@@ -84,7 +84,7 @@ class Status:
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
         self._last: dict[str, DiagnosticStatus] = {}  # what is repeated, by part
         self._keep("", self._status("", "started", DiagnosticStatus.OK, {}))
-        node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(STATUS_PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def publish(
         self,
@@ -125,7 +125,7 @@ class Status:
         Args:
             inputs: The inputs that the node needs. The status holds the number of publishers of each by its topic.
         """
-        warn_from = time.monotonic() + GRACE
+        warn_from = time.monotonic() + START_GRACE
 
         def report() -> None:
             waiting = [one.topic for one in inputs if not one.publishers]
@@ -133,7 +133,7 @@ class Status:
             level = DiagnosticStatus.WARN if waiting and time.monotonic() > warn_from else DiagnosticStatus.OK
             self._send(INPUTS, message, level, {one.topic: one.publishers for one in inputs})
 
-        self._node.create_timer(PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._node.create_timer(STATUS_PERIOD, report, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _send(self, part: str, message: str, level: bytes, values: dict[str, object]) -> None:
         status = self._status(part, message, level, values)

@@ -16,7 +16,16 @@ from rclpy.serialization import deserialize_message
 from ..errors import BadMessage, MessageFailure, TtError
 from .qos import compatible
 
-LOOK = 0.25  # s between two checks which publishers the topic has
+PUBLISHER_CHECK_INTERVAL = 0.25  # s between two checks which publishers a topic has
+
+# bytes, size above which a serialized message is refused
+LARGEST_STATE = 4096  # state of the ball, which has 730
+LARGEST_PATH = 2**19  # path of the ball: 2000 points have 270 kB
+LARGEST_STROKES = 2**15  # 128 strokes
+LARGEST_GOAL = 4096  # goal of a return: one point has 200
+LARGEST_JOINTS = 2**16  # joint state of 500 joints
+LARGEST_INFO = 4096  # CameraInfo; one with 14 coefficients has 500
+LARGEST_PHYSICS = 2**15  # learnt coefficients, which have 3,000
 
 
 class Input:
@@ -61,9 +70,9 @@ class Input:
         self.topic, self.publishers = node.resolve_topic_name(topic), 0
         self._asked = self._wanted
         self._subscription = self._subscribe()
-        node.create_timer(LOOK, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def look(self) -> None:
+    def check_publishers(self) -> None:
         """Check which publishers the topic has, and subscribe again if they require another quality of service."""
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(self.topic)]
         self.publishers = len(offered)

@@ -31,8 +31,8 @@ from .params import changed_parameters
 from .presence import Presence
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
-ENDING = 2.0  # s that a process may take to end after a signal has ended its node
-UNASKED_ENDING = 15.0  # s if it ends by itself: its exit code tells why, and a busy machine needs more than 2 s for it
+EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
+OWN_EXIT_TIMEOUT = 15.0  # s if it ends by itself: its exit code tells why, and a busy machine needs more than 2 s for it
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
@@ -66,7 +66,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         raise SystemExit(2) from None
     node = _made(make)
     if node is None:
-        end_by_signal(signal.SIGTERM, UNASKED_ENDING)
+        end_by_signal(signal.SIGTERM, OWN_EXIT_TIMEOUT)
         gc.collect()  # what there is of the node goes, with the threads of its participant
         rclpy.try_shutdown()
         raise SystemExit(2)
@@ -80,7 +80,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     threading.excepthook = on_thread_exception
     Presence(node)
     _set_realtime(priority, is_nice)
-    _tell_ready(node)
+    _log_ready(node)
     received = list[int]()
     try:
         with _signals(asked, received):
@@ -88,16 +88,16 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     except Exception as error:
         crashes.append(error)
     finally:
-        end_by_signal(*((received[0], ENDING) if received else (signal.SIGTERM, UNASKED_ENDING)))
+        end_by_signal(*((received[0], EXIT_TIMEOUT) if received else (signal.SIGTERM, OWN_EXIT_TIMEOUT)))
         rclpy.try_shutdown()
         _join_threads()
-        _tell_crashes(node, crashes)
+        _print_crashes(node, crashes)
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
 
 
-def _tell_ready(node: Node) -> None:
+def _log_ready(node: Node) -> None:
     if node.get_name().startswith("_"):
         return
     package = type(node).__module__.partition(".")[0]
@@ -106,7 +106,7 @@ def _tell_ready(node: Node) -> None:
     node.get_logger().info(f"ready: {', '.join(parts)}")
 
 
-def _tell_crashes(node: Node, crashes: Sequence[BaseException]) -> None:
+def _print_crashes(node: Node, crashes: Sequence[BaseException]) -> None:
     for crash in crashes:
         node.get_logger().debug("".join(traceback.format_exception(crash)))
         frames = traceback.extract_tb(crash.__traceback__)

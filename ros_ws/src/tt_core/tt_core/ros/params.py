@@ -69,13 +69,13 @@ def _declare(node: Node, name: str, value: Any, standard: Any, metadata: Mapping
     used = value if isinstance(given, float) and math.isnan(given) else coerce(name, given, value)
     check_value(name, used, standard, metadata)
     listed = list(used) if isinstance(used, tuple) else used
-    descriptor = describe(metadata, value, read_only=read_only)
+    descriptor = parameter_descriptor(metadata, value, read_only=read_only)
     descriptor.dynamic_typing = listed == []  # an empty list has no type
     node.declare_parameter(name, listed, descriptor, ignore_override=True)
     return used
 
 
-def describe(metadata: Mapping[str, Any], default: Any, *, read_only: bool) -> ParameterDescriptor:
+def parameter_descriptor(metadata: Mapping[str, Any], default: Any, *, read_only: bool) -> ParameterDescriptor:
     """Return the descriptor of a parameter, which `ros2 param describe` shows.
 
     Args:

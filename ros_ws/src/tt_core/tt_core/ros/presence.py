@@ -11,11 +11,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 NAME = "_announced"  # of the node that exists for a second; ROS tools hide nodes whose names begin with _
-TICK = 0.25  # s between two checks
+PRESENCE_CHECK_INTERVAL = 0.25  # s between two checks
 STANDSTILL = 1.0  # s between two checks, half of the DDS lease; after a longer one other nodes may have removed this one from discovery
 DELAY = 1.0  # s to wait, so that DDS discovers the participant again first, which takes about 0.3 s
-HELD = 1.0  # s for which the node NAME exists, so that other nodes discover it
-QUIET = 5.0  # s after its own announcement for which a node does not react to those of others
+NAME_DURATION = 1.0  # s for which the node NAME exists, so that other nodes discover it
+REACTION_PAUSE = 5.0  # s after its own announcement for which a node does not react to those of others
 
 
 class Presence:
@@ -33,7 +33,7 @@ class Presence:
     """
 
     def __init__(self, node: Node) -> None:
-        """Start to check, every TICK seconds, whether the node names must be published again.
+        """Start to check, every PRESENCE_CHECK_INTERVAL seconds, whether the node names must be published again.
 
         Args:
             node: A node that is going to be spun.
@@ -43,7 +43,7 @@ class Presence:
         self._due, self._announced = self._checked + DELAY, float("-inf")
         self._known = set[tuple[str, str]]()  # (name, namespace)
         self._second: Any = None  # the node NAME
-        node.create_timer(TICK, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PRESENCE_CHECK_INTERVAL, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _check(self) -> None:
         now = time.monotonic()
@@ -51,7 +51,7 @@ class Presence:
         known = {(name, space) for name, space in names if not name.startswith("_")}
         if now - self._checked > STANDSTILL or self._known - known:
             self._due = now + DELAY
-        elif now - self._announced > QUIET and any(name == NAME for name, _ in names):
+        elif now - self._announced > REACTION_PAUSE and any(name == NAME for name, _ in names):
             self._due = now
         self._checked, self._known = now, known
         handle = self._node.context.handle
@@ -59,6 +59,6 @@ class Presence:
             self._due, self._announced = float("inf"), now
             with handle:
                 self._second = rclpy_implementation.Node(NAME, "", handle, None, False, False)
-        elif self._second is not None and now - self._announced > HELD:
+        elif self._second is not None and now - self._announced > NAME_DURATION:
             self._second.destroy_when_not_in_use()
             self._second = None

@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 
 WAITING = 100  # most lines that wait to be written; further lines are left out and counted
-INTERVAL = 1.0  # s, least time between two warnings of one code
+WARNING_INTERVAL = 1.0  # s, least time between two warnings of one code
 
 
 class Terminal:
@@ -40,14 +40,14 @@ class Terminal:
         self._put(False, str(line.value).format(**values))
 
     def warn(self, line: Enum, **values: Any) -> None:
-        """Write a warning, at most one of each member in INTERVAL.
+        """Write a warning, at most one of each member in WARNING_INTERVAL.
 
         Args:
             line: Member of an enumeration whose value is a format string.
             values: Values for the format string, by name.
         """
         now = time.monotonic()
-        if now >= self._warned.get(line, -INTERVAL) + INTERVAL:
+        if now >= self._warned.get(line, -WARNING_INTERVAL) + WARNING_INTERVAL:
             self._warned[line] = now
             self._put(True, str(line.value).format(**values))
 

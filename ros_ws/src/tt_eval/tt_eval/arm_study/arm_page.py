@@ -10,13 +10,13 @@ import plotly.graph_objects as go
 from tt_core.states import Array
 
 from ..evaluate import Sweep, percentiles
-from ..page import BLUE, GREEN, GREY, ORANGE, WHOLE, Section, Table, html_page
+from ..page import BLUE, GREEN, GREY, ORANGE, WHOLE_WIDTH, Section, Table, html_page
 from .limiting import limiting
 from .search import Candidate, front
 from .speed_map import SpeedMap
 
-STEP = 1.0  # m/s, width of an interval of ball speeds for which shares are drawn
-FEW = 20  # least number of balls in such an interval; below it no share is drawn
+SPEED_INTERVAL = 1.0  # m/s, width of an interval of ball speeds for which shares are drawn
+LEAST_BALLS = 20  # least number of balls in such an interval; below it no share is drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +89,15 @@ def against_speed(study: Study) -> go.Figure:
     figure = go.Figure()
     for sweep, dash, name in ((study.catapult, "solid", "catapult"), (study.rallies, "dot", "real play")):
         speed = sweep.numbers["speed"]
-        bins = [low for low in np.arange(0.0, speed.max() + STEP, STEP) if ((speed >= low) & (speed < low + STEP)).sum() >= FEW]
-        found = [shares(sweep, (speed >= low) & (speed < low + STEP)) for low in bins]
+        bins = [
+            low
+            for low in np.arange(0.0, speed.max() + SPEED_INTERVAL, SPEED_INTERVAL)
+            if ((speed >= low) & (speed < low + SPEED_INTERVAL)).sum() >= LEAST_BALLS
+        ]
+        found = [shares(sweep, (speed >= low) & (speed < low + SPEED_INTERVAL)) for low in bins]
         for column, what, colour in ((1, "hit", BLUE), (2, "on the table", GREEN)):
             line = {"color": colour, "dash": dash}
-            figure.add_scatter(x=np.array(bins) + 0.5 * STEP, y=[row[column] for row in found], name=f"{name}: {what}", line=line)
+            figure.add_scatter(x=np.array(bins) + 0.5 * SPEED_INTERVAL, y=[row[column] for row in found], name=f"{name}: {what}", line=line)
     figure.update_xaxes(title_text="speed of the launched ball, m/s").update_yaxes(title_text="%", range=[0, 103])
     return figure.update_layout(title="Hit and landed share against ball speed")
 
@@ -123,7 +127,7 @@ def base_figure(study: Study) -> go.Figure:
     return figure.update_layout(title="Bases that were tried: mean share of both kinds of balls")
 
 
-def trade_figure(study: Study) -> go.Figure:
+def pareto_figure(study: Study) -> go.Figure:
     """Return a figure of the placements: share of strokes in time for the catapult's balls against that for real play.
 
     The placements for which no other one is better in both are connected by a line.
@@ -141,7 +145,7 @@ def trade_figure(study: Study) -> go.Figure:
     return figure.update_layout(title="Catapult against real play")
 
 
-def verdict(study: Study) -> list[str]:
+def arm_summary(study: Study) -> list[str]:
     """Return sentences that summarize what the arm can do."""
     speeds = study.speeds.speed[study.speeds.speed > 0.0]
     lines = [
@@ -161,15 +165,15 @@ def verdict(study: Study) -> list[str]:
     return lines
 
 
-def page(study: Study) -> str:
+def study_page(study: Study) -> str:
     """Return the HTML page of a study."""
     text = [f"{len(study.candidates)} placements were tried. Shares of strokes in time are of the quick score, without flight and landing."]
-    wide = trade_figure(study).update_layout(meta=WHOLE)
+    wide = pareto_figure(study).update_layout(meta=WHOLE_WIDTH)
     return html_page(
         f"Would {study.name} play?",
         [
             Section("Balls", tables=[score_table(study), limits_table(study)], figures=[against_speed(study), speed_figure(study)]),
             Section("Where it should stand", text, tables=[placement_table(study)], figures=[base_figure(study), wide]),
         ],
-        lead=verdict(study),
+        lead=arm_summary(study),
     )

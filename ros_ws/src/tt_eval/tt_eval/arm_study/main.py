@@ -25,12 +25,12 @@ from ..evaluate import Sweep
 from ..page import write_page
 from ..scenario import Scenario, load
 from ..sweep import sweep
-from .arm_page import Study, limits_table, page, placement_table, score_table, verdict
-from .placement import PARTS
-from .search import Candidate, Task, search
+from .arm_page import Study, arm_summary, limits_table, placement_table, score_table, study_page
+from .placement import PLACEMENT_PARTS
+from .search import Candidate, SearchTask, search_placements
 from .speed_map import speed_map
 
-SEARCH, PAGE = "search.jsonl", "report.html"  # in the folder that is written
+SEARCH_FILE, REPORT_FILE = "search.jsonl", "report.html"  # in the folder that is written
 
 
 def given_arm(arm: str, tip: str | None, window: str | None) -> tuple[ArmFile, Path]:
@@ -104,8 +104,8 @@ def study(args: argparse.Namespace) -> Study:
     """Search the best placement of an arm, simulate balls with it, and return the results."""
     arm, urdf = given_arm(args.arm, args.tip, args.window)
     folder: Path = args.out
-    task = Task(str(urdf), arm, tuple(args.keep), args.weight, args.candidates)
-    found = search(task, folder / SEARCH, args.workers, lambda line: print(line, file=sys.stderr, flush=True))
+    task = SearchTask(str(urdf), arm, tuple(args.keep), args.weight, args.candidates)
+    found = search_placements(task, folder / SEARCH_FILE, args.workers, lambda line: print(line, file=sys.stderr, flush=True))
     best = max(found[: max(1, args.candidates)], key=lambda one: one.value(args.weight))
     placed = write_folder(folder, arm, urdf, best)
     every = tuple(range(SCALES[0], SCALES[1] + 1))
@@ -129,7 +129,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, metavar="DIR", help="the folder that is written (default out/arms/NAME)")
     parser.add_argument("--candidates", type=int, default=300, metavar="N", help="placements to try (default 300); 1: only the given one")
     parser.add_argument("--balls", type=int, default=1000, metavar="N", help="of each scale, and of real play (default 1000)")
-    parser.add_argument("--keep", nargs="*", default=[], choices=PARTS, help="what of the placement is not varied")
+    parser.add_argument("--keep", nargs="*", default=[], choices=PLACEMENT_PARTS, help="what of the placement is not varied")
     parser.add_argument("--weight", type=float, default=0.5, metavar="W", help="of real play against the catapult, 0 to 1 (default 0.5)")
     parser.add_argument("--window", choices=tuple(HIT_WINDOWS), help="hit window instead of that of the arm file")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
@@ -151,7 +151,7 @@ def main() -> None:
     try:
         args.out.mkdir(parents=True, exist_ok=True)
         done = study(args)
-        write_page(args.out / PAGE, page(done))
+        write_page(args.out / REPORT_FILE, study_page(done))
     except (TtError, OSError) as error:
         print(f"arm: {error}", file=sys.stderr)
         raise SystemExit(2) from None
@@ -164,9 +164,9 @@ def main() -> None:
         for row in table.rows:
             printed.add_row(*row)
         console.print(printed)
-    for sentence in verdict(done):
+    for sentence in arm_summary(done):
         console.print(sentence, highlight=False)
-    print(f"arm file: {args.out / ARM_FILE}    robot:={args.out}\nfigures:  {args.out / PAGE}")
+    print(f"arm file: {args.out / ARM_FILE}    robot:={args.out}\nfigures:  {args.out / REPORT_FILE}")
 
 
 if __name__ == "__main__":

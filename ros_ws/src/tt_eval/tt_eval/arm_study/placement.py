@@ -17,8 +17,8 @@ HANDLE = 0.15  # m from the tip to the middle of the blade
 MOVES = (0.08, 0.08, 0.08, 0.2)  # m, m, m, rad: standard deviations of a change of the base
 TURN = 0.2  # rad, standard deviation of a change of the mount
 SHIFT = 0.06  # standard deviation of a change of the waiting posture, as a share of each joint's range
-BEHIND = 0.1  # m, distance of the waiting racket behind the middle of the hit window
-PARTS = ("base", "mount", "waiting")
+WAITING_DISTANCE = 0.1  # m, distance of the waiting racket behind the middle of the hit window
+PLACEMENT_PARTS = ("base", "mount", "waiting")
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,14 @@ class Placement:
         return cls(arm.base, arm.mount, arm.waiting)
 
 
-def drawn(start: Placement, urdf: str, arm: ArmFile, kept: tuple[str, ...], rng: np.random.Generator) -> Placement:
+def draw_placement(start: Placement, urdf: str, arm: ArmFile, kept: tuple[str, ...], rng: np.random.Generator) -> Placement:
     """Draw a placement at random.
 
     Args:
         start: Placement whose parts in `kept` are not changed.
         urdf: Path of the URDF.
         arm: Its arm file.
-        kept: Parts that are kept, of PARTS.
+        kept: Parts that are kept, of PLACEMENT_PARTS.
         rng: Random numbers.
     """
     made = start
@@ -87,7 +87,11 @@ def ready(model: ArmModel, arm: ArmFile, rng: np.random.Generator) -> tuple[floa
         (n,) rad or m; None if no posture was found.
     """
     window = arm.hit_window
-    middle = [0.5 * (window.x_low + window.x_high) - BEHIND, 0.5 * (window.y_low + window.y_high), 0.5 * (window.z_low + window.z_high)]
+    middle = [
+        0.5 * (window.x_low + window.x_high) - WAITING_DISTANCE,
+        0.5 * (window.y_low + window.y_high),
+        0.5 * (window.z_low + window.z_high),
+    ]
     racket = RacketState(1.0, np.array(middle), np.zeros(3), 0.0, 1.2)
     found = reach(model, racket, rng.uniform(*model.position_limits.T))
     return tuple(found.q.tolist()) if found.reason is None else None
@@ -99,10 +103,10 @@ def changed(one: Placement, limits: Array, kept: tuple[str, ...], rng: np.random
     Args:
         one: The other one.
         limits: (n, 2) rad or m, position limits of the joints.
-        kept: Parts that are kept, of PARTS.
+        kept: Parts that are kept, of PLACEMENT_PARTS.
         rng: Random numbers.
     """
-    made, parts = one, [part for part in PARTS if part not in kept and rng.uniform() < 0.6] or [PARTS[-1]]
+    made, parts = one, [part for part in PLACEMENT_PARTS if part not in kept and rng.uniform() < 0.6] or [PLACEMENT_PARTS[-1]]
     if "base" in parts:
         moves = np.zeros(len(one.base))
         moves[[0, 1, 2, -1]] = rng.normal(0.0, MOVES)

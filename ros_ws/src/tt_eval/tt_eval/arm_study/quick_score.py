@@ -22,11 +22,11 @@ from tt_racket.intercept import InterceptParams
 from ..episode import Plan, Trial
 from ..scenario import Scenario, load
 
-AHEAD = 0.01  # s from the strokes' arrival to the begin of a swing, see `tt_arm.control.ControlParams`
-PROBE = 8  # balls of each kind, after which an arm that can make a stroke for less than FEW of them is given up
-FEW = 0.15  # share of these balls
+SWING_AHEAD = 0.01  # s from the strokes' arrival to the begin of a swing, see `tt_arm.control.ControlParams`
+PROBE = 8  # balls of each kind, after which an arm that can make a stroke for less than LEAST_SHARE_IN_TIME of them is given up
+LEAST_SHARE_IN_TIME = 0.15  # share of these balls
 BALLS = 100  # number of balls of each kind
-KINDS = ("real", "rallies")  # scenarios: the catapult, and real play
+SCENARIO_KINDS = ("real", "rallies")  # scenarios: the catapult, and real play
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def scenario_of(kind: str, window: InterceptParams) -> Scenario:
     """Return a scenario without images, with another region in which strokes are searched for.
 
     Args:
-        kind: Name of the scenario, of KINDS.
+        kind: Name of the scenario, of SCENARIO_KINDS.
         window: The region.
     """
     scenario = load(kind, images=False)
@@ -68,7 +68,7 @@ def scenario_of(kind: str, window: InterceptParams) -> Scenario:
 
 @functools.lru_cache(maxsize=2)
 def prepared(window: InterceptParams) -> dict[str, list[PreparedBall]]:
-    """Return measured balls with their strokes, BALLS for each of KINDS. They are the same in each call.
+    """Return measured balls with their strokes, BALLS for each of SCENARIO_KINDS. They are the same in each call.
 
     Args:
         window: Region in which strokes are searched for.
@@ -77,7 +77,7 @@ def prepared(window: InterceptParams) -> dict[str, list[PreparedBall]]:
         NoShots: There are no shots of real play.
     """
     balls: dict[str, list[PreparedBall]] = {}
-    for kind in KINDS:
+    for kind in SCENARIO_KINDS:
         plans = [Plan.of(Trial.drawn(scenario_of(kind, window), seed)) for seed in range(BALLS)]
         balls[kind] = [PreparedBall(tuple(plan.rackets), plan.due) for plan in plans]
     return balls
@@ -87,7 +87,7 @@ def quick_score(model: ArmModel, arm: ArmFile) -> QuickScore:
     """Compute the quick score of an arm.
 
     It is 0 if the arm is too near to an obstacle in its waiting posture. It is that of the first PROBE balls of each kind if this is below
-    FEW.
+    LEAST_SHARE_IN_TIME.
 
     Args:
         model: The arm.
@@ -99,18 +99,18 @@ def quick_score(model: ArmModel, arm: ArmFile) -> QuickScore:
     limits = SwingLimits(command_timeout=arm.command_timeout)
     if clearance(model.waiting, model.bodies)[0] < limits.clearance:
         return QuickScore(0.0, 0.0)
-    balls, made = prepared(window_of(arm)), {kind: list[bool]() for kind in KINDS}
+    balls, made = prepared(window_of(arm)), {kind: list[bool]() for kind in SCENARIO_KINDS}
     for k in range(BALLS):
-        for kind in KINDS:
+        for kind in SCENARIO_KINDS:
             made[kind].append(_makes(model, balls[kind][k], limits))
-        if k + 1 == PROBE and np.mean([*made["real"], *made["rallies"]]) < FEW:
+        if k + 1 == PROBE and np.mean([*made["real"], *made["rallies"]]) < LEAST_SHARE_IN_TIME:
             break
-    return QuickScore(*(float(np.mean(made[kind])) for kind in KINDS))
+    return QuickScore(*(float(np.mean(made[kind])) for kind in SCENARIO_KINDS))
 
 
 def _makes(model: ArmModel, ball: PreparedBall, limits: SwingLimits) -> bool:
     """Return whether a stroke can be made in time from the waiting posture."""
     if not np.isfinite(ball.due) or not ball.rackets:
         return False
-    start = Joints.at_rest(ball.due + AHEAD, model.waiting)
+    start = Joints.at_rest(ball.due + SWING_AHEAD, model.waiting)
     return select_stroke(model, ball.rackets, start, limits, ReachParams(), SelectionParams()).swing is not None

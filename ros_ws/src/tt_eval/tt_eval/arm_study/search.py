@@ -19,12 +19,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tt_core.errors import TtError
 from tt_core.robots import ArmFile
 
-from .placement import Placement, changed, drawn
+from .placement import Placement, changed, draw_placement
 from .quick_score import QuickScore, quick_score
 
 DRAWN = 0.4  # share of the candidates that are drawn anew; the others are changes of the best ones
 PARENTS = 8  # number of the best candidates that are changed
-LARGEST = 20 * 1024 * 1024  # bytes of the file of a search
+LARGEST_SEARCH_FILE = 20 * 1024 * 1024  # bytes of the file of a search
 
 
 class OtherSearch(TtError):
@@ -58,7 +58,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Task:
+class SearchTask:
     """Parameters of a search.
 
     Attributes:
@@ -86,7 +86,7 @@ def front(candidates: Sequence[Candidate]) -> list[Candidate]:
     return found[::-1]
 
 
-def evaluate(task: Task, number: int, parent: Placement | None) -> Candidate:
+def scored_candidate(task: SearchTask, number: int, parent: Placement | None) -> Candidate:
     """Make one candidate and compute its score.
 
     Args:
@@ -102,7 +102,7 @@ def evaluate(task: Task, number: int, parent: Placement | None) -> Candidate:
         if number == 0:
             made = start
         elif parent is None:
-            made = drawn(start, task.urdf, task.arm, task.kept, rng)
+            made = draw_placement(start, task.urdf, task.arm, task.kept, rng)
         else:
             limits = start.model(task.urdf, task.arm).position_limits
             made = changed(parent, limits, task.kept, rng)
@@ -115,14 +115,16 @@ def evaluate(task: Task, number: int, parent: Placement | None) -> Candidate:
         return Candidate(made, QuickScore(0.0, 0.0))
 
 
-def search(task: Task, file: Path, workers: int | None = None, told: Callable[[str], None] | None = None) -> list[Candidate]:
+def search_placements(
+    task: SearchTask, file: Path, workers: int | None = None, report: Callable[[str], None] | None = None
+) -> list[Candidate]:
     """Score `task.count` candidates. Those that are in the file already are not scored again.
 
     Args:
         task: Parameters of the search.
         file: JSON file with a line for each candidate, after a line that identifies the arm.
         workers: Number of processes; None: one for each core.
-        told: Called with a line of progress now and then if there is no terminal for a bar.
+        report: Called with a line of progress now and then if there is no terminal for a bar.
 
     Returns:
         All candidates, those of the file first; the first one is the placement of the arm file.
@@ -135,7 +137,7 @@ def search(task: Task, file: Path, workers: int | None = None, told: Callable[[s
     done = _resumed(file, about)
     if not done:
         file.parent.mkdir(parents=True, exist_ok=True)
-        first = evaluate(task, 0, None)
+        first = scored_candidate(task, 0, None)
         file.write_text(f"{about}\n{_line(first)}\n")
         done.append(first)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
@@ -150,7 +152,7 @@ def search(task: Task, file: Path, workers: int | None = None, told: Callable[[s
         number = len(done)
         while number < task.count or running:
             while number < task.count and len(running) < 2 * workers:
-                running.add(pool.submit(evaluate, task, number, _parent(task, done, number)))
+                running.add(pool.submit(scored_candidate, task, number, _parent(task, done, number)))
                 number += 1
             ended, running = wait(running, return_when=FIRST_COMPLETED)
             for future in ended:
@@ -158,12 +160,12 @@ def search(task: Task, file: Path, workers: int | None = None, told: Callable[[s
                 record.write(_line(done[-1]) + "\n")
                 record.flush()
                 bar.advance(row)
-                if told is not None and bar.disable and len(done) % max(1, task.count // 10) == 0:
-                    told(f"{len(done)} of {task.count} placements")
+                if report is not None and bar.disable and len(done) % max(1, task.count // 10) == 0:
+                    report(f"{len(done)} of {task.count} placements")
     return done
 
 
-def _parent(task: Task, done: Sequence[Candidate], number: int) -> Placement | None:
+def _parent(task: SearchTask, done: Sequence[Candidate], number: int) -> Placement | None:
     """Return the placement that a candidate changes; None if a new one is to be drawn."""
     rng = np.random.default_rng([number, 1])
     if number < DRAWN * task.count and rng.uniform() < 0.8 and len(task.kept) < 2:
@@ -182,7 +184,7 @@ def _resumed(file: Path, about: str) -> list[Candidate]:
     if not file.exists():
         return []
     try:
-        if file.stat().st_size > LARGEST:
+        if file.stat().st_size > LARGEST_SEARCH_FILE:
             raise OtherSearch(file)
         first, *lines = file.read_text().splitlines()
         if first != about:

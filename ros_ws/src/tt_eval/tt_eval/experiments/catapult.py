@@ -15,9 +15,9 @@ import plotly.graph_objects as go
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial import cKDTree
+from tt_core.arrays import SPIN, VELOCITY, Array
 from tt_core.constants import RPM
 from tt_core.so3 import rotation_matrix
-from tt_core.states import Array
 from tt_sim.render import Texture
 from tt_sim.world.launcher import LauncherParams, launch
 from tt_vision.capture.burst import Burst
@@ -36,12 +36,12 @@ PRINTED = {  # Tables 2.1 to 2.3, in the order of the shots; topspin is printed 
     2: "6.25 m/s, 3253 rpm, 47 ms, IN 10",
     3: "7.29 m/s, 3630 rpm, 47 ms, IN 12",
 }
-PANELS = 6  # pictures of one burst
-AROUND = 1.3  # half squares around the balls that the pictures show
+PICTURES = 6  # pictures of one burst
+PICTURE_MARGIN = 1.3  # half squares around the balls that the pictures show
 CAMERA = 1  # index of the camera of the pictures, Camera 2 in the dissertation
 
 
-def shots(runs: int) -> Iterator[tuple[int, int, SyntheticBurst]]:
+def rendered_shots(runs: int) -> Iterator[tuple[int, int, SyntheticBurst]]:
     """Render the balls of the experiment.
 
     Args:
@@ -80,7 +80,7 @@ def run(runs: int) -> list[go.Figure]:
     table = Table(*heads, "printed")
     traces: list[tuple[str, list[tuple[float, Array]]]] = []
     pictures: list[go.Figure] = []
-    for n, filmed in itertools.groupby(tracked("bursts", len(SHOTS) * runs, shots(runs)), key=lambda shot: shot[0]):
+    for n, filmed in itertools.groupby(tracked("bursts", len(SHOTS) * runs, rendered_shots(runs)), key=lambda shot: shot[0]):
         (kind, scale), misses = SHOTS[n], []
         for _, trial, burst in filmed:
             detected = detect_balls(burst.burst)
@@ -94,21 +94,21 @@ def run(runs: int) -> list[go.Figure]:
             printed = (np.linalg.norm(velocity - burst.ball.velocity), np.linalg.norm(spin - burst.ball.spin) / RPM)
             if ours is not None:
                 miss = ours.vector - burst.ball.vector
-                misses.append((*printed, np.linalg.norm(miss[3:6]), np.linalg.norm(miss[6:]) / RPM))
+                misses.append((*printed, np.linalg.norm(miss[VELOCITY]), np.linalg.norm(miss[SPIN]) / RPM))
             if trial == 0:
-                first = [
+                true, theirs, found = (
                     f"{np.linalg.norm(burst.ball.velocity):.2f}, {np.linalg.norm(burst.ball.spin) / RPM:.0f}",
                     f"{np.linalg.norm(velocity):.2f}, {np.linalg.norm(spin) / RPM:.0f}, {error:.0f}, {1e3 * (middle - start):.0f}, {count}",
                     "refused"
                     if ours is None
                     else f"{np.linalg.norm(ours.velocity):.2f}, {np.linalg.norm(ours.spin) / RPM:.0f}, {1e3 * (end - middle):.0f}",
-                ]
+                )
                 traces.append((f"{kind} {scale}, shot {n + 1}", trace))
                 if (kind, scale) == ("top", 4):
-                    pictures += _pictures(detected, spin, f"Figure 2.{19 + len(pictures) // PANELS}: top 4, shot {n + 1}")
+                    pictures += _pictures(detected, spin, f"Figure 2.{19 + len(pictures) // PICTURES}: top 4, shot {n + 1}")
         slow, off, speed, spin_off = np.median(misses, axis=0) if misses else (np.nan,) * 4
         ours_off = f"{speed:.4f}, {spin_off:.1f}"
-        table.add_row(f"{kind} {scale}", first[0], first[1], f"{slow:.3f}, {off:.0f}", first[2], ours_off, PRINTED.get(n, ""))
+        table.add_row(f"{kind} {scale}", true, theirs, f"{slow:.3f}, {off:.0f}", found, ours_off, PRINTED.get(n, ""))
     Console(width=170).print(table)
     return [*_convergence(traces), *pictures]
 
@@ -125,7 +125,7 @@ def _convergence(traces: list[tuple[str, list[tuple[float, Array]]]]) -> list[go
 
 
 def _pictures(burst: Burst, spin: Array, title: str) -> list[go.Figure]:
-    """Return the PANELS pictures of one burst.
+    """Return the PICTURES pictures of one burst.
 
     (a) a frame, (b) its square, (c) the next frame's square as estimated from it, (d) the next frame, (e) its square, (f) the residual.
     """
@@ -144,7 +144,7 @@ def _pictures(burst: Burst, spin: Array, title: str) -> list[go.Figure]:
     residual = np.where(inside[1], images[1] - estimated, np.nan)
     panels = (images[0], np.where(inside[0], images[0], np.nan), estimated, images[1], np.where(inside[1], images[1], np.nan), residual)
     names = ("(a) frame k", "(b) its square", "(c) estimated k + 1", "(d) frame k + 1", "(e) its square", "(f) residual")
-    low, high = pixels[CAMERA, :2].min(axis=0) - AROUND * half, pixels[CAMERA, :2].max(axis=0) + AROUND * half
+    low, high = pixels[CAMERA, :2].min(axis=0) - PICTURE_MARGIN * half, pixels[CAMERA, :2].max(axis=0) + PICTURE_MARGIN * half
     (left, top), (right, bottom) = np.maximum(low, 0).astype(int), high.astype(int)
     figures = []
     for n, (name, panel) in enumerate(zip(names, panels, strict=True)):

@@ -14,7 +14,7 @@ from tt_core.constants import RPM
 from tt_sim.render import Lamps, Noise
 from tt_vision.measure import measure_burst
 
-from ..page import BLUE, WHOLE
+from ..page import BLUE, WHOLE_WIDTH
 from ..progress import tracked
 from ..synthetic_bursts import BurstConditions, bursts
 
@@ -65,5 +65,5 @@ def run(runs: int) -> list[go.Figure]:
         table.add_row(name, at(2, 50), at(2, 95), at(2, 100), str(wrong), f"{refused} of {runs}", at(0, 95), at(1, 95))
         figure.add_box(y=rows[:, 2], name=name, boxpoints="all", showlegend=False, marker_color=BLUE)
     Console(width=150).print(table)
-    figure.update_layout(title=f"Error of the spin, {runs} bursts each", height=600, meta=WHOLE)
+    figure.update_layout(title=f"Error of the spin, {runs} bursts each", height=600, meta=WHOLE_WIDTH)
     return [figure.update_yaxes(type="log", title_text="rpm")]

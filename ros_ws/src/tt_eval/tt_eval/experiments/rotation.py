@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -26,10 +27,10 @@ from ..page import COLOURS, GREY
 from ..progress import tracked
 from ..synthetic_bursts import BurstConditions, SyntheticBurst, render_burst
 
-FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
-METHODS = {"correlation": "Method 1", "liu": "Method 2", "registration": "registration"}
-LAMP = Lamps((Lamp((2.45, 0.33, 0.60), 0.25),), ambient=0.12)  # one lamp, 0.5 m from the ball, near the lines of sight
-CLOSE = 0.97  # least inner product of the estimated and the true axis that counts as right, 14 deg
+AXIS_FRAMES = {"table": np.eye(3), "camera 2": high_speed_pair()[1].rotation.T}  # to `table`
+METHOD_NAMES = {"correlation": "Method 1", "liu": "Method 2", "registration": "registration"}
+SINGLE_LAMP = Lamps((Lamp((2.45, 0.33, 0.60), 0.25),), ambient=0.12)  # one lamp, 0.5 m from the ball, near the lines of sight
+ALIGNED_COSINE = 0.97  # least inner product of the estimated and the true axis that counts as right, 14 deg
 RIGHT = 200.0  # rpm, largest error of the speed that counts as right
 
 
@@ -43,13 +44,13 @@ def turning(runs: int) -> Iterator[tuple[str, int, int, Array, SyntheticBurst]]:
         Name of the frame, number of the axis, speed (rpm), true spin (3,) in rad/s, and the images of each trial.
     """
     rng = np.random.default_rng(0)
-    for frame, rotation in FRAMES.items():
+    for frame, rotation in AXIS_FRAMES.items():
         for a, axis in enumerate(AXES):
             for speed in SPEEDS:
                 for trial in range(runs):
                     spin = speed * RPM * rotation @ np.array(axis) / np.linalg.norm(axis)
                     still = render_burst(
-                        np.array(VIEW_CENTRE), np.zeros(3), spin, Texture.drawn(trial % 20), BurstConditions(lamps=LAMP), rng
+                        np.array(VIEW_CENTRE), np.zeros(3), spin, Texture.drawn(trial % 20), BurstConditions(lamps=SINGLE_LAMP), rng
                     )
                     yield frame, a, speed, spin, still
 
@@ -64,51 +65,78 @@ def along(got: Array, spin: Array) -> float:
     return float(got @ spin / max(float(np.linalg.norm(got) * np.linalg.norm(spin)), 1e-12))
 
 
+class SpinComparison(NamedTuple):
+    """Comparison of an estimated spin with the true one, for one burst and one method.
+
+    Attributes:
+        frame: Name of the frame in which the axis of rotation is given.
+        axis: Number of the axis.
+        method: Method of `estimate_spin`.
+        speed: rpm, true speed of rotation.
+        estimated: rpm, estimated speed.
+        along: Inner product of the estimated and the true axis.
+        error: rpm, length of the difference of the spins.
+        took: ms, computing time.
+    """
+
+    frame: str
+    axis: int
+    method: str
+    speed: float
+    estimated: float
+    along: float
+    error: float
+    took: float
+
+
 def run(runs: int) -> list[go.Figure]:
     """Measure each spin of the rotation machine `runs` times with each method, and print how often speed and axis are right.
 
     Returns:
         Figures 2.14 and 2.15.
     """
-    rows = []  # frame, axis, method, speed, estimated speed, inner product, vector error, ms
-    count = len(FRAMES) * len(AXES) * len(SPEEDS) * runs
+    results = list[SpinComparison]()
+    count = len(AXIS_FRAMES) * len(AXES) * len(SPEEDS) * runs
     for frame, a, speed, spin, burst in tracked("bursts", count, turning(runs)):
-        for method in METHODS:
+        for method in METHOD_NAMES:
             start = time.perf_counter()
             got = estimate_spin(burst.images, burst.times, burst.cameras, method=method).spin
             took = 1e3 * (time.perf_counter() - start)
-            rows.append((frame, a, method, speed, np.linalg.norm(got) / RPM, along(got, spin), np.linalg.norm(got - spin) / RPM, took))
+            estimated, error = float(np.linalg.norm(got)) / RPM, float(np.linalg.norm(got - spin)) / RPM
+            results.append(SpinComparison(frame, a, method, speed, estimated, along(got, spin), error, took))
     heads = ("method", "axes in", "axis", "speed within 200 rpm", "axis within 15 deg", "vector error rpm, median", "time ms, median")
     table = Table(*heads)
-    for method, name in METHODS.items():
-        for frame in FRAMES:
+    for method, name in METHOD_NAMES.items():
+        for frame in AXIS_FRAMES:
             for a in (0, 1):
-                mine = np.array([values for f, b, m, *values in rows if (f, b, m) == (frame, a, method)])
-                right, aligned = (np.abs(mine[:, 1] - mine[:, 0]) < RIGHT).mean(), (mine[:, 2] > CLOSE).mean()
-                cells = (f"{right:.0%}", f"{aligned:.0%}", f"{np.median(mine[:, 3]):.1f}", f"{np.median(mine[:, 4]):.0f}")
+                mine = [one for one in results if (one.frame, one.axis, one.method) == (frame, a, method)]
+                right = np.mean([abs(one.estimated - one.speed) < RIGHT for one in mine])
+                aligned = np.mean([one.along > ALIGNED_COSINE for one in mine])
+                error, took = np.median([one.error for one in mine]), np.median([one.took for one in mine])
+                cells = (f"{right:.0%}", f"{aligned:.0%}", f"{error:.1f}", f"{took:.0f}")
                 table.add_row(name, frame, str(a + 1), *cells)
     table.add_row("dissertation, Method 2", "?", "both", "89%", "75%", "", "30 to 65")
     Console(width=130).print(table)
     figures = []
-    for frame in FRAMES:
+    for frame in AXIS_FRAMES:
         for a in (0, 1):
             where = f"axis {a + 1}, axes in {frame}"
-            about_axis = [row for row in rows if row[:2] == (frame, a)]
-            speeds = _figure(about_axis, 4, f"Figure 2.14: estimated speed, {where}", "rpm")
+            about_axis = [one for one in results if (one.frame, one.axis) == (frame, a)]
+            speeds = _figure(about_axis, "estimated", f"Figure 2.14: estimated speed, {where}", "rpm")
             speeds.add_scatter(x=SPEEDS, y=SPEEDS, mode="lines", name="true", line={"color": GREY, "dash": "dot"})
-            along_axis = _figure(about_axis, 5, f"Figure 2.15: agreement of the axis, {where}", "inner product")
+            along_axis = _figure(about_axis, "along", f"Figure 2.15: agreement of the axis, {where}", "inner product")
             along_axis.add_hline(y=1.0, line={"color": GREY, "dash": "dot"})
             figures += [speeds, along_axis]
     return figures
 
 
-def _figure(rows: list[tuple], column: int, title: str, unit: str) -> go.Figure:
-    """Draw a column of the rows of one axis against the true speed, a mark for each burst and a colour for each method."""
+def _figure(results: list[SpinComparison], name: str, title: str, unit: str) -> go.Figure:
+    """Draw the attribute `name` of the results of one axis against the true speed, a mark for each burst and a colour for each method."""
     figure = go.Figure()
-    looks = zip(METHODS.items(), ("circle-open", "cross-thin-open", "x-thin-open"), (-30, 0, 30), COLOURS, strict=False)
-    for (method, name), symbol, shift, colour in looks:
-        mine = [row for row in rows if row[2] == method]
-        x, y = [row[3] + shift for row in mine], [row[column] for row in mine]
-        figure.add_scatter(x=x, y=y, mode="markers", name=name, marker={"symbol": symbol, "color": colour})
+    marks = zip(METHOD_NAMES.items(), ("circle-open", "cross-thin-open", "x-thin-open"), (-30, 0, 30), COLOURS, strict=False)
+    for (method, label), symbol, shift, colour in marks:
+        mine = [one for one in results if one.method == method]
+        x, y = [one.speed + shift for one in mine], [getattr(one, name) for one in mine]
+        figure.add_scatter(x=x, y=y, mode="markers", name=label, marker={"symbol": symbol, "color": colour})
     figure.update_xaxes(title_text="true speed, rpm").update_yaxes(title_text=unit)
     return figure.update_layout(title=title, height=380)

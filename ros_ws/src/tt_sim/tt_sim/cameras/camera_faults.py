@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.params import check, param
 
-from ..render import Image
 from .camera_sequence import Frame
 
 

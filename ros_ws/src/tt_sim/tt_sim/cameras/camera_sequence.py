@@ -8,14 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS
 from tt_core.flight import fly
 from tt_core.physics import Physics
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 from tt_vision.camera import Camera
 from tt_vision.rig import EXPOSURE, FRAME_RATE
 
-from ..render import Image, Scene, render
+from ..render import Scene, render
 
 IN_VIEW = 0.2  # s after the launch in which a frame may show the ball
 

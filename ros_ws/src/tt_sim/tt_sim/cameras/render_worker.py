@@ -15,19 +15,20 @@ import sys
 from dataclasses import dataclass, field
 
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.physics import Physics
 from tt_core.priority import set_nice
 from tt_core.states import BallState
 from tt_vision.rig import high_speed_pair
 
 from ..domain_randomization import DomainRandomization
-from ..render import Image, Scene, Texture
+from ..render import Scene, Texture
 from ..world.launcher import LauncherParams, launch
 from .camera_faults import CameraFaults, arrivals
 from .camera_sequence import camera_sequence
 
 NICE = 10  # lower priority than nodes have: a launch that is rendered late flies later, but a node that is late misses the ball
-GUARD = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends the process with its parent
+KILL_WITH_PARENT = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends the process with its parent
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +109,7 @@ class RenderWorker:
         Args:
             renderer: Launcher, cameras and faults.
         """
-        command = (*GUARD, sys.executable, "-m", __name__)
+        command = (*KILL_WITH_PARENT, sys.executable, "-m", __name__)
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         self._closed = False
         self._send(renderer)

@@ -55,7 +55,7 @@ def believed() -> tuple[Camera, Camera]:
 
 
 @njit(cache=True)
-def _tell(camera: Array, width: int, height: int, places: Array, lost: npt.NDArray[np.bool_], step: float, pixels: Array) -> None:
+def _fill_pixels(camera: Array, width: int, height: int, places: Array, lost: npt.NDArray[np.bool_], step: float, pixels: Array) -> None:
     """Project a ball, add noise and round, in place.
 
     Args:
@@ -115,7 +115,7 @@ class TrackingCameraPair:
                 aside = rng.standard_normal((n, 3))
                 aside *= faults.outlier_distance / np.linalg.norm(aside, axis=1, keepdims=True)
                 shown = places + np.where(rng.uniform(size=(n, 1)) < faults.outliers, aside, 0.0)
-            _tell(camera.vector, camera.width, camera.height, shown, lost, faults.step, scatter)
+            _fill_pixels(camera.vector, camera.width, camera.height, shown, lost, faults.step, scatter)
         return seen
 
     def delay(self, rng: np.random.Generator) -> float:

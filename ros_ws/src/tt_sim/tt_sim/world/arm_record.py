@@ -13,7 +13,7 @@ from tt_arm.model import ArmModel
 from tt_arm.safety.clearance import OBSTACLES, clearance
 from tt_core.states import Array
 
-ROUNDING = 1e-6  # share of the speed limit by which a speed at the limit may be above it
+SPEED_ROUNDING = 1e-6  # share of the speed limit by which a speed at the limit may be above it
 
 
 class Bound(Enum):
@@ -107,11 +107,11 @@ class ArmRecord:
             self.limit_distance = now.limit_distance, time
         if now.clearance < self.clearance[0]:
             self.clearance, self.nearest = (now.clearance, time), OBSTACLES[now.nearest]
-        if now.speed <= 1.0 + ROUNDING and now.limit_distance > 0.0 and now.clearance > 0.0:  # nearly always: without making a set
+        if now.speed <= 1.0 + SPEED_ROUNDING and now.limit_distance > 0.0 and now.clearance > 0.0:  # nearly always: without making a set
             self._broken = frozenset()
             return False
         is_broken = {
-            Bound.SPEED_LIMIT: now.speed > 1.0 + ROUNDING,
+            Bound.SPEED_LIMIT: now.speed > 1.0 + SPEED_ROUNDING,
             Bound.END_STOP: now.limit_distance <= 0.0,
             Bound.CLEARANCE: now.clearance <= 0.0,
         }
@@ -123,7 +123,7 @@ class ArmRecord:
     @property
     def kept(self) -> bool:
         """Whether no limit was broken since the start."""
-        return self.speed[0] <= 1.0 + ROUNDING and self.hits == 0 and self.clearance[0] > 0.0
+        return self.speed[0] <= 1.0 + SPEED_ROUNDING and self.hits == 0 and self.clearance[0] > 0.0
 
     def to_text(self) -> dict[str, Any]:
         """Return all values as text, by name, for a diagnostic status; numbers in SI units."""

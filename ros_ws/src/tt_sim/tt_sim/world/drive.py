@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from tt_arm.joints import ACCELERATION, JointLimits
+from tt_arm.joints import JOINT_ACCELERATION, JointLimits
 from tt_core.constants import COMMAND_TIMEOUT
 from tt_core.errors import check_array, check_range
 from tt_core.params import check, param
 from tt_core.states import Array
 
-LARGEST = 100.0  # rad/s, largest command that is accepted (and clipped to the speed limit); 16 times the fastest limit
+LARGEST_SPEED_COMMAND = 100.0  # rad/s, largest command that is accepted (and clipped to the speed limit); 16 times the fastest limit
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class DriveParams:
         high=10.0,
     )
     braking: float = param(
-        ACCELERATION,
+        JOINT_ACCELERATION,
         "rad/s^2",
         "deceleration without a command of each joint whose description states no acceleration; the guard counts on `swing.acceleration`",
         low=0.1,
@@ -69,11 +69,11 @@ class Drive:
         Raises:
             BadShape: The command is not one number for each joint.
             NotFinite: A number is NaN or infinite.
-            OutOfRange: A number is beyond LARGEST.
+            OutOfRange: A number is beyond LARGEST_SPEED_COMMAND.
         """
         values = check_array("command", command, (len(self._names),))
         for name, value in zip(self._names, values, strict=True):
-            check_range(f"command of {name}", value, -LARGEST, LARGEST)
+            check_range(f"command of {name}", value, -LARGEST_SPEED_COMMAND, LARGEST_SPEED_COMMAND)
         self._given = np.clip(values, -self._speeds, self._speeds), now
 
     def command(self, now: float, duration: float, qdot: Array, timeout: float) -> Array:
@@ -88,10 +88,10 @@ class Drive:
         Returns:
             (n,) rad/s, the newest command while it is valid, otherwise a ramp to zero.
         """
-        given = self._given
-        if self.sole and given is not None and now - given[1] <= timeout:
+        command, came = self._given or (None, now)
+        if self.sole and command is not None and now - came <= timeout:
             self._ramp = None
-            return given[0]
+            return command
         step = self._deceleration * duration
         last = np.array(qdot) if self._ramp is None else self._ramp
         self._ramp = last - np.clip(last, -step, step)

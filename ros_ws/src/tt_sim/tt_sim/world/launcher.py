@@ -22,8 +22,8 @@ from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
 
-KINDS = ("top", "back", "left", "right")
-MIXED = "mixed"  # kind of a shot that is one of KINDS at random
+SHOT_KINDS = ("top", "back", "left", "right")
+MIXED = "mixed"  # kind of a shot that is one of SHOT_KINDS at random
 SCALES = (1, 10)  # least and largest scale
 RATES = (26.0, 94.0)  # balls per minute, least and largest rate of the machine
 LANDING_X = 0.5  # m, x in `table` where the mean ball of an extrapolated scale lands
@@ -93,11 +93,11 @@ Row = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 @functools.cache
-def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
+def shot_row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
     """Return mean and standard deviation of v_x (m/s), of v_z (m/s) and of the spin (rad/s) of a shot.
 
     Args:
-        kind: One of KINDS.
+        kind: One of SHOT_KINDS.
         scale: Whole number within SCALES.
         height: m, z of the launch, for the scales that are not in the tables.
 
@@ -106,8 +106,8 @@ def row(kind: str, scale: int, height: float = LauncherParams.z) -> Row:
         OutOfRange: There is no such scale.
         TtError: The scale is not a whole number.
     """
-    if kind not in KINDS:
-        raise BadChoice("kind", kind, KINDS)
+    if kind not in SHOT_KINDS:
+        raise BadChoice("kind", kind, SHOT_KINDS)
     if scale != int(check_range("scale", scale, *SCALES)):
         raise TtError(f"scale = {scale} is not a whole number")
     rows = _TABLE.get(kind, _TABLE["side"])
@@ -129,7 +129,7 @@ def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generat
     """Draw a launched ball at random.
 
     Args:
-        kind: One of KINDS, or MIXED.
+        kind: One of SHOT_KINDS, or MIXED.
         scale: Whole number within SCALES.
         params: Parameters of the machine.
         rng: Random numbers for all that scatters.
@@ -142,8 +142,8 @@ def launch(kind: str, scale: int, params: LauncherParams, rng: np.random.Generat
         OutOfRange: There is no such scale.
     """
     if kind == MIXED:
-        kind = KINDS[rng.integers(len(KINDS))]
-    v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in row(kind, scale, params.z))
+        kind = SHOT_KINDS[rng.integers(len(SHOT_KINDS))]
+    v_x, v_z, spin = (rng.normal(mean, sigma) for mean, sigma in shot_row(kind, scale, params.z))
     yaw = rng.normal({"left": params.side_yaw, "right": -params.side_yaw}.get(kind, 0.0), params.yaw_scatter)
     velocity = np.array([v_x * math.cos(yaw), v_x * math.sin(yaw), v_z])
     tilt, _ = cv2.Rodrigues(rng.normal(0.0, params.axis_scatter, 3))

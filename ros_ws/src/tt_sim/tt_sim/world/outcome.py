@@ -16,13 +16,13 @@ from tt_core.text_enum import TextEnum
 
 from .true_ball import Contact, Surface
 
-BEHIND = -1.5  # m, x in `table` below which a ball has passed the arm
+PASSED_X = -1.5  # m, x in `table` below which a ball has passed the arm
 AFTER_LANDING = 0.1  # s, for which a ball is simulated after its landing
 NODE = 0.04  # s between two integrated states; cubic interpolation between them is off by 1e-5 m
 
 
 @njit(cache=True)
-def places(ball: Array, times: Array, air: Array) -> Array:
+def free_flight_positions(ball: Array, times: Array, air: Array) -> Array:
     """Return the positions of a ball in free flight at many times, by cubic interpolation between states NODE s apart.
 
     Args:
@@ -125,7 +125,7 @@ class Outcome:
         """
         balls = [self.launched, *(contact.after for contact in self.contacts)]
         cuts = np.searchsorted(times, [*(ball.time for ball in balls), np.inf])
-        parts = [places(ball.vector, times[a:b] - ball.time, air) for ball, a, b in zip(balls, cuts, cuts[1:], strict=False)]
+        parts = [free_flight_positions(ball.vector, times[a:b] - ball.time, air) for ball, a, b in zip(balls, cuts, cuts[1:], strict=False)]
         return np.concatenate(parts)
 
     def to_text(self) -> dict[str, Any]:
@@ -150,6 +150,6 @@ class Outcome:
             ball: The ball now; None if it lies on the floor or the table.
             time: s, now.
         """
-        if ball is None or (self.hit is None and ball.position[0] < BEHIND):
+        if ball is None or (self.hit is None and ball.position[0] < PASSED_X):
             return True
         return self.landing is not None and time > self.landing.before.time + AFTER_LANDING

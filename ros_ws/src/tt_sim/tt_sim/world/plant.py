@@ -178,11 +178,11 @@ class Plant:
     def _driven(self, state: Joints, q: Array, qdot: Array, duration: float) -> tuple[Array, Array]:
         """Return q and qdot after `duration` (s) as the motors can make them; given are those without a torque limit."""
         model, most = self.model.pinocchio, self.limits.effort
-        before = np.array(state.q), np.array(state.qdot)
-        torque = pin.rnea(model, self._data, *before, (qdot - before[1]) / duration)
+        q_before, qdot_before = np.array(state.q), np.array(state.qdot)
+        torque = pin.rnea(model, self._data, q_before, qdot_before, (qdot - qdot_before) / duration)
         if (np.abs(torque) <= most).all():
             return q, qdot
-        qddot = pin.aba(model, self._data, *before, np.clip(torque, -most, most))
-        q, qdot = before[0] + duration * before[1] + 0.5 * duration**2 * qddot, before[1] + duration * qddot
+        qddot = pin.aba(model, self._data, q_before, qdot_before, np.clip(torque, -most, most))
+        q, qdot = q_before + duration * qdot_before + 0.5 * duration**2 * qddot, qdot_before + duration * qddot
         inside = np.clip(q, *self.limits.position.T)
         return inside, np.where(inside == q, qdot, 0.0)

@@ -14,12 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import VX, VY, VZ, Array, X, Y, Z
 from tt_core.bounce import TableCoefficients, rebound_racket, rebound_table
 from tt_core.constants import RACKET_RADIUS
 from tt_core.errors import check_range
 from tt_core.flight import MAX_STEP, AirCoefficients, ease, step
 from tt_core.physics import Physics, PhysicsCoefficients, physics_coefficients
-from tt_core.states import Array, BallState
+from tt_core.states import BallState
 
 from .racket_motion import RacketInstant, RacketMotion, RacketTrack, fastest_point, racket_at
 from .surfaces import BY_NUMBER, FLOOR, NET, NONE, RACKET, TABLE, BallShape, Gap, Surface, gap_to, racket_point_velocity
@@ -29,9 +30,9 @@ NET_RESTITUTION = 0.1  # share of the speed towards the net that the ball keeps,
 NET_DRAG = 0.1  # share of the speed along the net and of the spin that the ball loses, an assumption
 LEAST_CONTACT = 1e-3  # m: a ball that is a point cannot touch a disc
 SMALL_STEP = 1e-3  # s, near a body: a ball moves less than its radius
-HALVINGS = 36  # number of times that SMALL_STEP is halved in the search for a contact, to 1.5e-14 s
+CONTACT_HALVINGS = 36  # number of times that SMALL_STEP is halved in the search for a contact, to 1.5e-14 s
 LYING = 0.03  # m/s: a ball that meets the table more slowly does not bounce any more
-MOST_CONTACTS = 64  # in one call; a ball with as many is taken as lying
+MOST_CONTACTS_PER_CALL = 64  # in one call; a ball with as many is taken as lying
 
 CONTACT_LOG = np.dtype(
     [
@@ -128,7 +129,7 @@ def _approach(surface: int, ball: Array, duration: float, now: float, scene: _Sc
     else:
         trial[:] = ball
     racket = racket_at(scene.racket, now + duration) if surface == RACKET else _NOWHERE
-    place, velocity = Vector(trial[0], trial[1], trial[2]), Vector(trial[3], trial[4], trial[5])
+    place, velocity = Vector(trial[X], trial[Y], trial[Z]), Vector(trial[VX], trial[VY], trial[VZ])
     gap = gap_to(surface, place, racket, scene.shape)
     rate, arm = dot(velocity, gap.normal), _ORIGIN
     if surface == RACKET:
@@ -149,7 +150,7 @@ def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Sc
     low, high = 0.0, h
     if (rate > 0.0 and end_gap <= 0.0) or (rate <= 0.0 and end_gap > 0.0 and end_rate > 0.0):  # by way of the furthest or the nearest point
         a, b = 0.0, h
-        for _ in range(HALVINGS):
+        for _ in range(CONTACT_HALVINGS):
             middle = 0.5 * (a + b)
             grows = _approach(surface, ball, middle, now, scene, scratch).rate > 0.0
             if grows == (rate > 0.0):
@@ -164,7 +165,7 @@ def _time_to_contact(surface: int, ball: Array, h: float, now: float, scene: _Sc
                 return np.inf
     elif end_gap > 0.0:
         return np.inf
-    for _ in range(HALVINGS):
+    for _ in range(CONTACT_HALVINGS):
         middle = 0.5 * (low + high)
         if _approach(surface, ball, middle, now, scene, scratch).gap.distance <= 0.0:
             high = middle
@@ -243,8 +244,8 @@ def travel(
     fastest = 1.0 + fastest_point(scene.racket, models.racket_radius)
     n = 0
     while until - now > 1e-12:
-        speed = 1.0 + math.sqrt(ball[3] ** 2 + ball[4] ** 2 + ball[5] ** 2)
-        racket, place = racket_at(scene.racket, now), Vector(ball[0], ball[1], ball[2])
+        speed = 1.0 + math.sqrt(ball[VX] ** 2 + ball[VY] ** 2 + ball[VZ] ** 2)
+        racket, place = racket_at(scene.racket, now), Vector(ball[X], ball[Y], ball[Z])
         for surface in range(1, 5):
             soonest[surface] = gap_to(surface, place, racket, scene.shape).distance / (speed + (fastest if surface == RACKET else 0.0))
         safe = min(MAX_STEP * ease(ball, physics.air), soonest[1:].min())
@@ -321,7 +322,7 @@ class World:
         check_range("contact_height of the true world", physics.contact_height, LEAST_CONTACT, 0.1)
         self.ball: BallState | None = None
         self._models = Coefficients.of(physics, racket_radius)
-        self._log = np.empty(MOST_CONTACTS, dtype=CONTACT_LOG)
+        self._log = np.empty(MOST_CONTACTS_PER_CALL, dtype=CONTACT_LOG)
 
     def advance(self, until: float, rackets: Sequence[RacketMotion] | Array, tick: float) -> list[Contact]:
         """Let the ball fly until a given time. A ball that comes to lie is removed.

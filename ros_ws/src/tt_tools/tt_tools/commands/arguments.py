@@ -90,7 +90,7 @@ def complete(argument: argparse.Action, choices: Callable[[Namespace], Iterable[
 
 def add_package(parser: ArgumentParser, **options: Any) -> None:
     """Add the argument `package_name`, with completion, to a parser. options: keywords of `add_argument`, e.g. nargs."""
-    complete(parser.add_argument("package_name", help="name of the ROS package", **options), lambda _: packages.names())
+    complete(parser.add_argument("package_name", help="name of the ROS package", **options), lambda _: packages.package_names())
 
 
 def add_discovery(parser: ArgumentParser) -> None:

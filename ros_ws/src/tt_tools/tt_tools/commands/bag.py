@@ -40,13 +40,13 @@ def record(args: Namespace) -> None:
 
 def play(args: Namespace) -> None:
     """Run `ros2 bag play`: publish the messages of a bag."""
-    from ..play_node import PlayParams, play
+    from ..play_node import BagPlayParams, play_bag
 
     topics, bag = tuple(args.topics), args.input or args.bag
     excluded = [args.exclude_regex, *(f"^{re.escape(name)}$" for name in args.exclude_topics)]
     if bag is None:
         raise TtError("give the path of a bag")
-    params = PlayParams(
+    params = BagPlayParams(
         bag=str(bag),
         rate=args.rate,
         clock=args.clock or 0.0,
@@ -59,14 +59,14 @@ def play(args: Namespace) -> None:
         paused=args.start_paused,
         delay=args.delay,
     )
-    print(f"played {play(params, dict(args.remap), keys=not args.disable_keyboard_controls)} messages")
+    print(f"played {play_bag(params, dict(args.remap), keys=not args.disable_keyboard_controls)} messages")
 
 
 def info(args: Namespace) -> None:
     """Run `ros2 bag info`: print the content of a bag."""
-    from ..describe import describe, lines
+    from ..describe import describe_bag, lines
 
-    found = describe(args.bag, sizes=args.verbose)
+    found = describe_bag(args.bag, sizes=args.verbose)
     print("\n".join([topic.name for topic in found.topics] if args.topic_name else lines(found, args.sort)))
 
 

@@ -10,7 +10,7 @@ from .arguments import Verbs, add_package, complete, group, verb
 
 
 def _known(_: Namespace) -> list[str]:
-    return [one for kind in packages.KINDS for one in packages.interfaces(kind)]
+    return [one for kind in packages.INTERFACE_KINDS for one in packages.interfaces(kind)]
 
 
 def show(args: Namespace) -> None:
@@ -24,7 +24,7 @@ def show(args: Namespace) -> None:
 def show_list(args: Namespace) -> None:
     """Run `ros2 interface list`: print the names of all installed message, service and action types."""
     wanted = [args.only_msgs, args.only_srvs, args.only_actions]
-    for kind, title, chosen in zip(packages.KINDS, ("Messages", "Services", "Actions"), wanted, strict=True):
+    for kind, title, chosen in zip(packages.INTERFACE_KINDS, ("Messages", "Services", "Actions"), wanted, strict=True):
         if chosen or not any(wanted):
             print(f"{title}:")
             for name in packages.interfaces(kind):

@@ -43,13 +43,13 @@ def start(args: Namespace) -> int:
         for process in processes:
             print(f"{process.name}: {shlex.join(process.command)}")
         return 0
-    return launch.run(processes)
+    return launch.run_processes(processes)
 
 
 def print_arguments(path: Path) -> None:
     """Print the arguments of a launch file with their descriptions and defaults, in the format of ros2cli."""
     print("Arguments (pass arguments as '<name>:=<value>'):")
-    found = launch.arguments(path)
+    found = launch.declared_arguments(path)
     for argument in found:
         print(f"\n    '{argument.name}':\n        {argument.description or 'no description given'}")
         if argument.default is not None:
@@ -64,7 +64,7 @@ def add(words: Verbs) -> None:
     one.add_argument("-p", "--print-description", action="store_true", help="print the processes with their commands, and end")
     one.add_argument("-s", "--show-args", "--show-arguments", action="store_true", help="print the file's arguments, and end")
     one.add_argument("--launch-prefix", default="", metavar="COMMAND", help="command before every process, e.g. 'gdb -ex run --args'")
-    complete(one.add_argument("package_name", help="a package, or the path of a launch file"), lambda _: packages.names())
+    complete(one.add_argument("package_name", help="a package, or the path of a launch file"), lambda _: packages.package_names())
     rest = one.add_argument("rest", nargs="*", metavar="FILE or NAME:=VALUE", help="the package's launch file; arguments for it")
     complete(rest, _complete)
 
@@ -73,4 +73,4 @@ def _complete(args: Namespace) -> list[str]:
     """Return completions: the launch files of the package, or the arguments of the launch file if it is given already."""
     if not args.rest:
         return list(packages.launch_files(args.package_name))
-    return [f"{argument.name}:=" for argument in launch.arguments(packages.launch_file(args.package_name, args.rest[0]))]
+    return [f"{argument.name}:=" for argument in launch.declared_arguments(packages.launch_file(args.package_name, args.rest[0]))]

@@ -31,9 +31,9 @@ def set_value(args: Namespace) -> None:
 
 def describe(args: Namespace) -> None:
     """Run `ros2 param describe`: print type, description and constraints of parameters."""
-    from ..parameter_client import describe
+    from ..parameter_client import print_descriptions
 
-    describe(args.node_name, args.parameter_names)
+    print_descriptions(args.node_name, args.parameter_names)
 
 
 def dump(args: Namespace) -> None:

@@ -10,12 +10,12 @@ from .arguments import Verbs, add_package, group, verb
 
 def show_list(_: Namespace) -> None:
     """Run `ros2 pkg list`: print the names of all installed packages."""
-    print("\n".join(packages.names()))
+    print("\n".join(packages.package_names()))
 
 
 def executables(args: Namespace) -> None:
     """Run `ros2 pkg executables`: print the executables of one package or of all packages."""
-    for package in [args.package_name] if args.package_name else packages.names():
+    for package in [args.package_name] if args.package_name else packages.package_names():
         for name, path in packages.executables(package).items():
             print(path if args.full_path else f"{package} {name}")
 

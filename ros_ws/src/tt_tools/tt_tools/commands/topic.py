@@ -20,7 +20,7 @@ from .arguments import (
 )
 
 TRUNCATE = 128  # elements of an array and characters of a string that `echo` prints unless told otherwise, as in ros2cli
-WINDOW, BANDWIDTH_WINDOW = 10000, 100  # messages over which hz and delay, and bw, average unless told otherwise, as in ros2cli
+RATE_WINDOW, BANDWIDTH_WINDOW = 10000, 100  # messages over which hz and delay, and bw, average unless told otherwise, as in ros2cli
 
 
 def show_list(args: Namespace) -> None:
@@ -164,7 +164,7 @@ def add(words: Verbs) -> None:
 
     one = verb(verbs, "hz", hz, "print the rate of a topic every second")
     add_topic(one)
-    one.add_argument("-w", "--window", type=count, default=WINDOW, metavar="N", help=f"messages to average over ({WINDOW})")
+    one.add_argument("-w", "--window", type=count, default=RATE_WINDOW, metavar="N", help=f"messages to average over ({RATE_WINDOW})")
     one.add_argument("--filter", default="", metavar="EXPR", help="those only for which a Python expression of m, the message, is true")
     one.add_argument("--wall-time", action="store_true", help="accepted: rates are by the clock of this machine")
     one = verb(verbs, "bw", bw, "print the bandwidth of a topic every second")
@@ -172,7 +172,7 @@ def add(words: Verbs) -> None:
     one.add_argument("-w", "--window", type=count, default=BANDWIDTH_WINDOW, metavar="N", help=f"messages ({BANDWIDTH_WINDOW})")
     one = verb(verbs, "delay", delay, "print every second how long after their stamps messages come")
     add_topic(one)
-    one.add_argument("-w", "--window", type=count, default=WINDOW, metavar="N", help=f"messages to average over ({WINDOW})")
+    one.add_argument("-w", "--window", type=count, default=RATE_WINDOW, metavar="N", help=f"messages to average over ({RATE_WINDOW})")
 
     one = verb(verbs, "pub", pub, "publish messages on a topic")
     add_topic(one)

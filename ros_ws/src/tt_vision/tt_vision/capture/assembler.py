@@ -11,16 +11,17 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.errors import BadShape, check_range
 from tt_core.params import check, param
 
 from ..detection.ball_detection import DetectionReason, find_ball
 from ..rig import SIDES
-from .burst import LEAST_FRAMES, MOST_FRAMES, BallDetection, Burst, Image
+from .burst import LEAST_FRAMES, MOST_FRAMES, BallDetection, Burst
 
 TIME_RESET = 1.0  # s; a stamp that is older than the newest one by more than this is taken as the start of another recording
-MOST_WAITING = 64  # most images of a side that wait for their partners: more than a camera of 900 Hz sends in `gap`
-MOST_BYTES = 2**27  # most bytes of the images of a side that wait
+MOST_WAITING_IMAGES = 64  # most images of a side that wait for their partners: more than a camera of 900 Hz sends in `gap`
+MOST_WAITING_BYTES = 2**27  # most bytes of the images of a side that wait
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ class Assembler:
 
     def _drop_waiting(self, time: float, image_bytes: int) -> None:
         """Drop images that have waited for too long, and the oldest ones where too many wait."""
-        most = min(MOST_WAITING, max(1, MOST_BYTES // image_bytes))
+        most = min(MOST_WAITING_IMAGES, max(1, MOST_WAITING_BYTES // image_bytes))
         for queue in self._waiting:
             while queue and (queue[0].time < time - self.params.gap or len(queue) > most):
                 self.counts.unpaired += queue.popleft().seen is not None

@@ -9,14 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
+from tt_core.arrays import Array
 from tt_core.errors import BadShape, TtError, check_array
 from tt_core.failures import Failure
-from tt_core.states import Array
 
 from ..camera import Camera
-
-Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 LEAST_FRAMES = 3  # frames that a burst must have to be measured; from two frames 8 % of the spins are wrong
 MOST_FRAMES = 10  # frames of a burst that are used; more cost time and add no accuracy

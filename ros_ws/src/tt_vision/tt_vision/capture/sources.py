@@ -11,16 +11,16 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from tt_core.arrays import Image
 from tt_core.errors import TtError
 from tt_core.params import check, param
 from tt_core.ros.bags import Bag
 from tt_core.ros.convert import camera_from_message
 
 from ..rig import SIDES
-from .burst import Image
 from .devices import DeviceCounts, DeviceParams, grabs
 
-KINDS = ("folder", "video", "bag", "device")
+SOURCE_KINDS = ("folder", "video", "bag", "device")
 STAMPED = re.compile(r"(left|right)[_\-/](\d+(?:\.\d+)?)\.(?:png|pgm|tiff?|bmp|jpe?g)$", re.IGNORECASE)
 NANOSECONDS = 1e14  # a whole number above it is a stamp in nanoseconds (later than 2 January 1970), a smaller one is in seconds
 
@@ -98,7 +98,7 @@ class Calibration(NamedTuple):
 class SourceParams:
     """Parameters of the source from which the images of both cameras are read."""
 
-    kind: str = param("folder", "", "kind of the source: a folder of images, two videos, a bag, or two devices", choices=KINDS)
+    kind: str = param("folder", "", "kind of the source: a folder of images, two videos, a bag, or two devices", choices=SOURCE_KINDS)
     path: str = param("", "", "path of the folder, the bag or the left video, or number of the left device")
     right: str = param("", "", "path of the right video, or number of the right device; empty for a folder or a bag")
     frame_rate: float = param(

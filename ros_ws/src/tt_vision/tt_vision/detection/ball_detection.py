@@ -10,20 +10,20 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array, Image
 from tt_core.errors import BadShape, TtError
 from tt_core.failures import Failure
-from tt_core.states import Array
 
-from ..capture.burst import BallDetection, Burst, Image
-from .outline import CONTRAST, DEPTH, RAYS, scan_outline
+from ..capture.burst import BallDetection, Burst
+from .outline import BALL_THRESHOLD, CONTRAST, RAYS, scan_outline
 
 SATURATED = 0.2  # share of the ball's pixels at full scale above which the image counts as saturated, because the shading is lost
 LEAST_RADIUS = 8.0  # pixels; on a smaller ball the marks cannot be told apart
 MOST_RADIUS = 300.0  # pixels; at this radius the measurement of a burst takes 0.8 s, and its time rises with the square of the radius
-MARGIN = 3.0  # pixels of background that must be visible around the ball
+BACKGROUND_MARGIN = 3.0  # pixels of background that must be visible around the ball
 FAR_REACH, NEAR_REACH = 0.35, 4.0  # distance from a circle within which its outline is scanned for: first (of the radius), then (pixels)
 FAR_STEP = 2  # at first only one of this many rays is scanned
-LEAST_POINTS = RAYS // 4  # least number of outline points to which a circle is fitted
+LEAST_CIRCLE_POINTS = RAYS // 4  # least number of outline points to which a circle is fitted
 
 
 class DetectionReason(Enum):
@@ -104,7 +104,11 @@ def find_ball(image: Image) -> BallDetection:
     if seen.top >= full and seen.at_top > SATURATED:
         return _refused(DetectionReason.SATURATED)
     height, width = image.shape
-    if min(seen.left, seen.upper) < MARGIN or seen.right > width - 1 - MARGIN or seen.lower > height - 1 - MARGIN:
+    if (
+        min(seen.left, seen.upper) < BACKGROUND_MARGIN
+        or seen.right > width - 1 - BACKGROUND_MARGIN
+        or seen.lower > height - 1 - BACKGROUND_MARGIN
+    ):
         return _refused(DetectionReason.NOT_WHOLE)
     sides = seen.right - seen.left, seen.lower - seen.upper
     if max(sides) > 3.0 * seen.radius or min(sides) < seen.radius:
@@ -168,7 +172,7 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
     if seen.reason is not None:
         raise NoWholeBall(seen.reason.code, **seen.reason.values)
     circle = np.array([seen.u, seen.v, seen.radius if radius is None else radius])
-    if len(fit_outline(image, circle, seen.contrast, radius is None)) < LEAST_POINTS:
+    if len(fit_outline(image, circle, seen.contrast, radius is None)) < LEAST_CIRCLE_POINTS:
         raise TtError("no outline of the ball")
     return circle[:2]
 
@@ -192,7 +196,7 @@ def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -
     """
     for reach, step in ((FAR_REACH * circle[2], FAR_STEP), (NEAR_REACH, 1)):
         points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast, step)
-        if len(points) < LEAST_POINTS // step:
+        if len(points) < LEAST_CIRCLE_POINTS // step:
             break
         fitted = circle.copy()
         _fit_circle(points, fitted, free)
@@ -248,7 +252,7 @@ def _glance(image: np.ndarray) -> Glance:
         seen += histogram[level]
         level -= 1
     peak = level
-    threshold = int((background + DEPTH * (peak - background)) * (1 << shift))
+    threshold = int((background + BALL_THRESHOLD * (peak - background)) * (1 << shift))
     columns, rows = np.zeros(width, dtype=np.int64), np.zeros(height, dtype=np.int64)
     bright = 0
     for v in range(0, height, 2):

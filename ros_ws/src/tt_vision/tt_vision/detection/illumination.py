@@ -20,7 +20,7 @@ from tt_core.states import Array
 from ..camera import Camera
 
 LIMB = 0.30  # cosine between normal and line of sight below which a pixel is not used; it is reached two pixels inside the outline
-WHITE = 0.85  # share of the fitted light; darker pixels are taken as marks
+WHITE_SHARE = 0.85  # share of the fitted light; darker pixels are taken as marks
 HARMONICS = 16  # spherical harmonics up to third order; those up to second order hold 99 % of diffuse light (Ramamoorthi, Hanrahan 2001)
 GLOSS = 4  # coefficients of the light that gloss adds: a constant and a slope
 GLOSS_RIDGE = 1e-4  # weight, relative to the light's in the fit, that keeps gloss at zero where the marks cannot tell it from light
@@ -183,7 +183,7 @@ def image_gain(stack: np.ndarray, normals: np.ndarray, harmonics: Array, gain: f
             if n.cosine < LIMB:
                 continue
             white = white_level(n.x, n.y, n.z, 0.0, 0.0, 0.0, light)
-            if WHITE * gain * white < stack[j, i] < gain * white / WHITE:
+            if WHITE_SHARE * gain * white < stack[j, i] < gain * white / WHITE_SHARE:
                 above, under = above + stack[j, i], under + white
     return above / under if above > 0.0 else gain
 
@@ -301,7 +301,9 @@ def _fit(stack: np.ndarray, normals: np.ndarray, cameras: int) -> tuple[Array, A
                     above, under = 0.0, 1e-9
                     for i in range(n, ends[k]):
                         expected = gains[m] * white[i]
-                        gain[i] = 0.0 if values[i] < WHITE * expected or (step > 2 and values[i] * WHITE > expected) else gains[m]
+                        gain[i] = (
+                            0.0 if values[i] < WHITE_SHARE * expected or (step > 2 and values[i] * WHITE_SHARE > expected) else gains[m]
+                        )
                         if gain[i] > 0.0:
                             above, under = above + values[i], under + white[i]
                     n = ends[k]

@@ -21,13 +21,13 @@ from tt_core.states import Array
 
 from ..camera import Camera
 from ..capture.burst import BallDetection, Burst
-from .ball_detection import MARGIN
+from .ball_detection import BACKGROUND_MARGIN
 
 COUNTS = (4, 5, 8, 12, 14)  # numbers of coefficients of OpenCV's distortion models
-LITTLE = 1.0  # pixels, largest shift of a pixel by the model plumb_bob that the functions of the measurement correct themselves
+SMALL_SHIFT = 1.0  # pixels, largest shift of a pixel by the model plumb_bob that the functions of the measurement correct themselves
 SQUARE = 0.01  # pixels, largest error anywhere in the image if both focal lengths are replaced by their mean
 INVERSE = 0.01  # pixels, largest error anywhere in the image of OpenCV's inverse of the distortion
-ROOM = 0.5  # of the radius: width of the ring around a ball that is resampled with it, because its position is known only roughly
+RING_WIDTH = 0.5  # of the radius: width of the ring around a ball that is resampled with it, because its position is known only roughly
 GRID = 9  # number of points along each side of the image at which a lens is checked
 _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
@@ -110,13 +110,13 @@ class Lens:
     def is_nearly_straight(self) -> bool:
         """Whether the lens has so little distortion that images need not be resampled.
 
-        It holds if the method `camera` is exact and the distortion shifts no pixel of the image by more than LITTLE.
+        It holds if the method `camera` is exact and the distortion shifts no pixel of the image by more than SMALL_SHIFT.
         """
         pixels, focal = self._grid(), self.matrix[[0, 1], [0, 1]]
         offsets = pixels - self.matrix[:2, 2]
         stretched = np.abs(offsets * (self.focal_pixels / focal - 1.0)).max()
         shifted = np.abs(offsets - self.directions(pixels)[:, :2] * focal).max()
-        return bool(stretched <= SQUARE and shifted <= LITTLE and not self.distortion[5:].any())
+        return bool(stretched <= SQUARE and shifted <= SMALL_SHIFT and not self.distortion[5:].any())
 
     def camera(self, pose: Camera) -> Camera:
         """Return a camera with these intrinsics at the pose of another camera.
@@ -150,7 +150,7 @@ class Lens:
             OutOfRange: The region is wider or higher than MOST_PIXELS.
         """
         square = np.array([(a, b) for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)])
-        around = [(ball.u, ball.v) + ((1.0 + ROOM) * ball.radius + MARGIN) * square for ball in detections]
+        around = [(ball.u, ball.v) + ((1.0 + RING_WIDTH) * ball.radius + BACKGROUND_MARGIN) * square for ball in detections]
         rays = self.directions(np.clip(np.concatenate(around), 0.0, (self.width - 1.0, self.height - 1.0)))
         towards = rays.mean(axis=0)
         turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [towards])[0].as_matrix()

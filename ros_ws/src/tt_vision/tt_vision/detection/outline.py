@@ -19,7 +19,7 @@ SAMPLE_STEP = 0.5  # pixels between two samples along a ray
 BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves by 0.02 pixels when this is off by 0.3
 SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light, as by a mark, that divides a point's weight by four
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
-DEPTH = 0.25  # threshold between the background (0) and the brightest part of the ball (1)
+BALL_THRESHOLD = 0.25  # threshold between the background (0) and the brightest part of the ball (1)
 
 INSIDE = (1.5, 6.0)  # pixels inside the edge between which the brightness is extrapolated
 INSIDE_SAMPLES = 12  # samples of a ray inside the innermost possible edge, as many as INSIDE needs
@@ -92,7 +92,7 @@ def background_behind(profile: Array) -> float:
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def crossing(profile: Array, i: int, threshold: float, outer: float) -> float:
+def edge_crossing(profile: Array, i: int, threshold: float, outer: float) -> float:
     """Find where the brightness along a ray rises to a threshold between two neighbouring samples, by linear interpolation.
 
     Args:
@@ -141,7 +141,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
     """
     count = int((outer - inner) / SAMPLE_STEP) + 1
     radius = 0.5 * (inner + outer)
-    spread = 0.41 * math.sqrt(2.0 * BLUR / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma BLUR
+    mean_root = 0.41 * math.sqrt(2.0 * BLUR / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma BLUR
     profile = np.empty(count + INSIDE_SAMPLES)
     points = np.zeros(RAYS, dtype=OUTLINE_POINT)
     found = 0
@@ -152,7 +152,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
         for i in range(len(profile)):
             profile[i] -= behind
         first = 1
-        while first < count and profile[first] < 0.5 * CONTRAST * contrast / DEPTH:
+        while first < count and profile[first] < 0.5 * CONTRAST * contrast / BALL_THRESHOLD:
             first += 1
         if first >= count:
             continue
@@ -162,7 +162,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
             is_seen = inside.samples >= 4
             if not is_seen:
                 break
-            target = 0.5 * inside.level + spread * inside.slope
+            target = 0.5 * inside.level + mean_root * inside.slope
             i = max(1, first - 3)
             while i < len(profile) - 1 and profile[i] < target:
                 i += 1
@@ -170,7 +170,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
             is_seen = is_steep and inside.level + EDGE_COSINE * inside.slope > LEAST_BRIGHTNESS * contrast
             if not is_seen:
                 break
-            edge = crossing(profile, i, target, outer)
+            edge = edge_crossing(profile, i, target, outer)
         if not is_seen:
             continue
         du, dv = ray_direction(k)

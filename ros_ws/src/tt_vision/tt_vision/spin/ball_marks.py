@@ -14,10 +14,10 @@ from tt_core.states import Array
 from ..projection import Rotation, rotate_back
 from .comparison import turned
 from .registration import Registration
-from .sphere_grid import cube, nearest
+from .sphere_grid import cube, nearest_point
 from .surface_map import SurfaceMap
 
-CUBE_EDGE = 96  # number of cells along the edge of the cube map by which the point nearest to a place is found
+POINT_CUBE_EDGE = 96  # number of cells along the edge of the cube map by which the point nearest to a place is found
 MARK_RANGE = (0.0, 1.1)  # lowest and highest brightness of the surface; white is 1
 
 
@@ -26,7 +26,7 @@ class BallMarks(NamedTuple):
 
     Attributes:
         marks: (n,) POINT_MARK, brightness at the points `fibonacci(n)` of the ball, in its orientation at the mean time of the frames.
-        texels: (6, CUBE_EDGE, CUBE_EDGE) int16, cube map of the nearest point, `sphere_grid.cube(n, CUBE_EDGE)`.
+        texels: (6, POINT_CUBE_EDGE, POINT_CUBE_EDGE) int16, cube map of the nearest point, `sphere_grid.cube(n, POINT_CUBE_EDGE)`.
         turns: (images, 3, 3) rotation from the ball in that orientation to the camera's frame, for the time of each image.
     """
 
@@ -42,7 +42,7 @@ def ball_marks(surface: SurfaceMap, found: Registration) -> BallMarks:
         surface: The ball's surface in all images, of which the times and the views are used.
         found: The registration: the spin and the marks (dots).
     """
-    return BallMarks(found.marks, cube(len(found.marks), CUBE_EDGE), turned(found.spin, surface.images))
+    return BallMarks(found.marks, cube(len(found.marks), POINT_CUBE_EDGE), turned(found.spin, surface.images))
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
@@ -59,6 +59,6 @@ def mark_at(marks: np.ndarray, texels: np.ndarray, turn: Rotation, nx: float, ny
         least_weight: Least weight of the brightness; the weight of one pixel that is seen from straight above is 1.
     """
     x, y, z = rotate_back(turn, nx, ny, nz)
-    mark = marks[nearest(texels, x, y, z)]
+    mark = marks[nearest_point(texels, x, y, z)]
     low, high = MARK_RANGE
     return min(high, max(low, mark.brightness)) if mark.weight > least_weight else -1.0

@@ -14,17 +14,17 @@ from tt_core.states import Array
 
 from ..projection import rotate, rotate_back, unpack_rotation
 from .soft_surface import SoftSurface
-from .sphere_grid import cube, fibonacci, nearest
+from .sphere_grid import cube, fibonacci, nearest_point
 
 CELLS = 900  # number of cells of a coarse map, 0.12 rad apart
-CUBE_EDGE = 48  # number of cells along the edge of the cube map by which the cell at a direction is found
+CELL_CUBE_EDGE = 48  # number of cells along the edge of the cube map by which the cell at a direction is found
 COARSE_TURN, DENSE_TURN = 1.15, 1.40  # rad between two frames, largest of the coarse and the dense search: 9,900 and 12,000 rpm at 900 Hz
 COARSE_STEP, DENSE_STEP = 0.135, 0.09  # rad between candidates of the two searches: 2,600 and 15,700 candidates; a mark is 0.4 rad wide
 LEAST_MASS = 0.25  # least sum of the weights of the pixels in a cell, at half the resolution; a cell with less is not used
 FULL_MASS = 1.0  # the same sum from which on a cell has its full weight
 
 
-class Candidates(NamedTuple):
+class RotationCandidates(NamedTuple):
     """Rotations of the ball between two frames that the search tries.
 
     Attributes:
@@ -51,10 +51,10 @@ class CoarseMaps(NamedTuple):
 def coarse_maps(surface: SoftSurface) -> CoarseMaps:
     """Compute the coarse map of the ball's surface in each frame, from its images at half the resolution."""
     images = surface.blurred
-    return _maps(surface.brightness, surface.weights, images.views, images.frame_of, len(images.times), cube(CELLS, CUBE_EDGE))
+    return _maps(surface.brightness, surface.weights, images.views, images.frame_of, len(images.times), cube(CELLS, CELL_CUBE_EDGE))
 
 
-def score_candidates(maps: CoarseMaps, candidates: Candidates, pairs: np.ndarray) -> np.ndarray:
+def score_candidates(maps: CoarseMaps, candidates: RotationCandidates, pairs: np.ndarray) -> np.ndarray:
     """Score rotations of the ball: compare pairs of frames, with the ball in the first one rotated.
 
     Args:
@@ -69,10 +69,10 @@ def score_candidates(maps: CoarseMaps, candidates: Candidates, pairs: np.ndarray
 
 
 @functools.cache
-def candidate_rotations(step: float, largest: float) -> Candidates:
+def candidate_rotations(step: float, largest: float) -> RotationCandidates:
     """Return rotations about all axes up to the angle `largest` (rad), about `step` (rad) apart. Results are cached."""
     rotations = lattice(step, largest)
-    return Candidates(rotations, _make_table(rotations, fibonacci(CELLS), cube(CELLS, CUBE_EDGE)))
+    return RotationCandidates(rotations, _make_table(rotations, fibonacci(CELLS), cube(CELLS, CELL_CUBE_EDGE)))
 
 
 def lattice(step: float, largest: float) -> Array:
@@ -104,7 +104,7 @@ def _make_table(rotations: Array, cells: Array, cube: np.ndarray) -> np.ndarray:
         turn = unpack_rotation(rotation_matrix(rotations[r]))
         for i in range(len(cells)):
             x, y, z = rotate(turn, cells[i, 0], cells[i, 1], cells[i, 2])
-            table[i, r] = nearest(cube, x, y, z)
+            table[i, r] = nearest_point(cube, x, y, z)
     return table
 
 
@@ -138,7 +138,7 @@ def _maps(brightness: np.ndarray, shown: np.ndarray, views: np.ndarray, frame_of
                 a, b = (i - u0) / scale, (j - v0) / scale
                 c = -math.sqrt(max(0.0, 1.0 - a * a - b * b))
                 x, y, z = rotate_back(rotation, a + sx * c, b + sy * c, c - sx * a - sy * b)
-                cell = nearest(cube, x, y, z)
+                cell = nearest_point(cube, x, y, z)
                 total[cell, k] += w * brightness[m, j, i]
                 mass[cell, k] += w
     values, weights = np.zeros(total.shape, dtype=np.float32), np.zeros(total.shape, dtype=np.float32)

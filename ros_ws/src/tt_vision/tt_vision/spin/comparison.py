@@ -17,7 +17,7 @@ from .mark_sampling import LEAST_WEIGHT, POINT_MARK, sample_best
 from .surface_map import MarkImages, view_optics
 
 PAIR_STEPS = 4  # number of steps of the refinement on pairs of frames
-STEPS = 12  # largest number of steps of the refinement on all images; few marks that are seen at a flat angle take 8
+MOST_REFINEMENT_STEPS = 12  # largest number of steps of the refinement on all images; few marks that are seen at a flat angle take 8
 
 SIGHT = np.dtype([("facing", "f4", (3,)), ("turn", "f4", (3, 3)), ("arm", "f4", (3, 3)), ("centre", "f4", (3,))])
 """How an image sees a ball that turns.
@@ -256,7 +256,7 @@ def refine_on_pairs(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def refine_on_all(spin: Array, points: Array, images: MarkImages, most: float, least_step: float) -> tuple[Array, Comparison]:
-    """Refine a spin on all images by at most STEPS Gauss-Newton steps.
+    """Refine a spin on all images by at most MOST_REFINEMENT_STEPS Gauss-Newton steps.
 
     Args:
         spin: (3,) rad/s in `table`, where the refinement starts.
@@ -269,7 +269,7 @@ def refine_on_all(spin: Array, points: Array, images: MarkImages, most: float, l
         The spin (3,) rad/s, and the comparison of the images for the spin before the last step.
     """
     compared = compare_all(spin, points, images)
-    for step in range(STEPS):
+    for step in range(MOST_REFINEMENT_STEPS):
         if step > 0:
             compared = compare_all(spin, points, images)
         change = gauss_newton_step(compared.normal_matrix, compared.gradient, most)

@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS, RPM
 from tt_core.errors import TtError
 from tt_core.so3 import rotation_matrix
-from tt_core.states import Array
 
 from ..camera import Camera, triangulate
-from ..capture.burst import BallDetection, Burst, Image
-from ..detection.outline import DEPTH
+from ..capture.burst import BallDetection, Burst
+from ..detection.outline import BALL_THRESHOLD
 from ..projection import project_point, ray, rotate, unpack_camera, unpack_rotation
 
 
@@ -146,7 +146,7 @@ def centre_by_four_points(image: Image, ball: BallDetection) -> Array:
     Returns:
         (2,) pixels, column and row of the centre.
     """
-    return four_points(image, ball.background + DEPTH * ball.contrast)
+    return four_points(image, ball.background + BALL_THRESHOLD * ball.contrast)
 
 
 def centres_by_four_points(burst: Burst) -> Centres:

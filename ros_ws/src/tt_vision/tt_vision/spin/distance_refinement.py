@@ -20,8 +20,8 @@ from .registration import Registration, SearchParams, register_again
 from .sphere_grid import fibonacci_single
 from .surface_map import SurfaceMap
 
-STEP = 0.01  # relative difference between the three distances that are compared: a third of a pixel in the ball's radius
-ROUNDS = 2  # number of rounds; each one starts from the result of the one before
+DISTANCE_STEP = 0.01  # relative difference between the three distances that are compared: a third of a pixel in the ball's radius
+DISTANCE_ROUNDS = 2  # number of rounds; each one starts from the result of the one before
 TRUST = 1 / 9  # weight of the information in the marks, because errors of the light caused up to three times the errors that noise causes
 
 
@@ -46,16 +46,16 @@ def refine_distance(
     along = np.concatenate([towards, np.zeros(3)]) / (towards @ towards)  # gradient of the relative distance by position and velocity
     prior = float(along @ motion.covariance @ along)
     factor, information = 1.0, 0.0
-    for _ in range(ROUNDS):
-        factors = [factor - STEP, factor, factor + STEP]
+    for _ in range(DISTANCE_ROUNDS):
+        factors = [factor - DISTANCE_STEP, factor, factor + DISTANCE_STEP]
         trials = [_at(burst, motion, surface, found, search, each) for each in factors]
         low, middle, high = (error for error, _ in trials)
         weight = trials[1][1] * TRUST / (CORRELATED * middle)  # of the squared error in the likelihood
-        slope, information = weight * (high - low) / (4.0 * STEP), weight * (high - 2.0 * middle + low) / (2.0 * STEP**2)
+        slope, information = weight * (high - low) / (4.0 * DISTANCE_STEP), weight * (high - 2.0 * middle + low) / (2.0 * DISTANCE_STEP**2)
         if information <= 0.0:
             return motion, surface, found
         change = -(slope + (factor - 1.0) / prior) / (information + 1.0 / prior)
-        factor += math.copysign(min(abs(change), 3.0 * STEP), change)
+        factor += math.copysign(min(abs(change), 3.0 * DISTANCE_STEP), change)
     gain = motion.covariance @ along / (prior + 1.0 / information)
     moved = motion.at_distance(burst.cameras[0].position, factor)
     moved = replace(moved, covariance=motion.covariance - np.outer(gain, along @ motion.covariance))

@@ -15,10 +15,13 @@ from tt_core.states import Array
 
 from .registration import GATE, LEAST_DISTINCTNESS, Registration
 
-NOISE_FLOOR = (0.17, 5.5e-4)  # rad/s, and relative to the spin: standard deviation by errors of the light and of the ball's centre
+# standard deviation by errors of the light and of the ball's centre
+NOISE_FLOOR = 0.17  # rad/s
+RELATIVE_NOISE_FLOOR = 5.5e-4  # relative to the spin
 CORRELATED = 1.5  # how often the least-squares fit counts each pixel, because neighbouring points share pixels
-CALIBRATED_LIGHT, NOT_REFINED, ONE_CAMERA = 0.75, 1.5, 3.0  # factors on NOISE_FLOOR; the second one if outlines were not found again
-UNKNOWN = 1e6  # (rad/s)^2, variance of a spin that is not known
+# factors on both; the second one if outlines were not found again
+CALIBRATED_LIGHT_NOISE, NOT_REFINED_NOISE, ONE_CAMERA_NOISE = 0.75, 1.5, 3.0
+UNKNOWN_SPIN_VARIANCE = 1e6  # (rad/s)^2, variance of a spin that is not known
 
 
 class SpinReason(Enum):
@@ -61,7 +64,7 @@ class SpinEstimate:
             residual: See `SpinEstimate.residual`.
             iterations: See `SpinEstimate.iterations`.
         """
-        return cls(np.zeros(3), UNKNOWN * np.eye(3), residual, reason, iterations)
+        return cls(np.zeros(3), UNKNOWN_SPIN_VARIANCE * np.eye(3), residual, reason, iterations)
 
     @classmethod
     def not_believed(cls, found: Registration) -> SpinEstimate:
@@ -90,7 +93,7 @@ class SpinEstimate:
             residual: See `SpinEstimate.residual`.
             iterations: See `SpinEstimate.iterations`.
         """
-        return cls(spin, UNKNOWN * np.eye(3), residual, None, iterations)
+        return cls(spin, UNKNOWN_SPIN_VARIANCE * np.eye(3), residual, None, iterations)
 
 
 def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool) -> SpinEstimate:
@@ -109,7 +112,9 @@ def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_lig
     """
     if not found.is_believed:
         return SpinEstimate.not_believed(found)
-    factor = (NOT_REFINED if not is_refined else CALIBRATED_LIGHT if is_light_calibrated else 1.0) * (ONE_CAMERA if cameras == 1 else 1.0)
-    floor = factor * np.hypot(NOISE_FLOOR[0], NOISE_FLOOR[1] * np.linalg.norm(found.spin))
+    factor = (NOT_REFINED_NOISE if not is_refined else CALIBRATED_LIGHT_NOISE if is_light_calibrated else 1.0) * (
+        ONE_CAMERA_NOISE if cameras == 1 else 1.0
+    )
+    floor = factor * np.hypot(NOISE_FLOOR, RELATIVE_NOISE_FLOOR * np.linalg.norm(found.spin))
     covariance = CORRELATED * np.linalg.inv(found.information) + floor**2 * np.eye(3)
     return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates)

@@ -19,12 +19,13 @@ from ..capture.burst import Burst
 from ..detection.illumination import Illumination, camera_light, gloss_level, white_level
 from ..detection.outline import (
     BLUR,
+    LEAST_BRIGHTNESS,
     OUTLINE_POINT,
     RAYS,
     SAMPLE_STEP,
     SMOOTH,
     background_behind,
-    crossing,
+    edge_crossing,
     point_weight,
     ray_direction,
     sample_ray,
@@ -38,15 +39,14 @@ from .surface_map import SurfaceMap, view_optics
 LEAST_MARK_WEIGHT = 0.05  # least weight of the known brightness of a place (see `mark_at`); a place with less is taken as white
 DEPTHS = 14  # number of samples inside the outline, DEPTH_STEP apart, the first one half a step inside
 DEPTH_STEP = 0.5  # pixels
-NEAREST, DEEPEST = 1.5, 6.0  # pixels inside the outline between which the image is compared with the expected brightness
-MIDDLE_COSINE = 0.45  # cosine between normal and line of sight half way between NEAREST and DEEPEST
+SHALLOWEST, DEEPEST = 1.5, 6.0  # pixels inside the outline between which the image is compared with the expected brightness
+MIDDLE_COSINE = 0.45  # cosine between normal and line of sight half way between SHALLOWEST and DEEPEST
 BEND_PRIOR = 0.003  # weight of the prior that the light falls off towards the outline as expected; infinite with calibrated lamps
 EDGE_DEPTHS = 6  # number of outermost samples inside the outline whose mean, weighted by the blur, is the brightness of the edge
 LEAST_RATIO = 0.2  # least brightness of the image, relative to the expected one
-LEAST_BRIGHTNESS = 0.15  # least brightness just inside the edge, relative to the ball's contrast
-MOST_SHIFT = 3.0  # pixels, largest distance of the edge from where it is expected
+MOST_EDGE_SHIFT = 3.0  # pixels, largest distance of the edge from where it is expected
 RAGGED = 1.5 * SMOOTH  # relative deviation from the expected brightness that divides a point's weight by four
-PASSES = 3  # number of times the edge along one ray is determined, each time with the brightness inside the last edge
+EDGE_PASSES = 3  # number of times the edge along one ray is determined, each time with the brightness inside the last edge
 
 
 class ExpectedEdge(NamedTuple):
@@ -151,7 +151,7 @@ def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float,
             continue
         behind = background_behind(profile)
         edge, is_seen, compared, bright = radius, False, ExpectedEdge(0, 0.0, 0.0, 0.0), 0.0
-        for _ in range(PASSES):
+        for _ in range(EDGE_PASSES):
             compared = _compare_inside(profile, behind, edge, radius, expected[k], prior)
             is_seen = compared.samples >= 4 and compared.ratio > LEAST_RATIO
             if not is_seen:
@@ -160,10 +160,10 @@ def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float,
             threshold, closest = behind + 0.5 * bright, np.inf
             for i in range(1, len(profile)):
                 if profile[i - 1] < threshold <= profile[i]:
-                    s = crossing(profile, i, threshold, outer)
+                    s = edge_crossing(profile, i, threshold, outer)
                     if abs(s - radius) < closest:
                         closest, edge = abs(s - radius), s
-            is_seen = closest < MOST_SHIFT and bright > LEAST_BRIGHTNESS * contrast
+            is_seen = closest < MOST_EDGE_SHIFT and bright > LEAST_BRIGHTNESS * contrast
             if not is_seen:
                 break
         if is_seen:
@@ -190,7 +190,7 @@ def _compare_inside(profile: Array, behind: float, edge: float, radius: float, e
     outer = radius + FINE_REACH
     n, xx, xy, yy, zz, xz, zy = 0, 1e-9, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(
-        max(0, math.ceil((outer - edge + NEAREST) / SAMPLE_STEP)), min(len(profile), int((outer - edge + DEEPEST) / SAMPLE_STEP) + 1)
+        max(0, math.ceil((outer - edge + SHALLOWEST) / SAMPLE_STEP)), min(len(profile), int((outer - edge + DEEPEST) / SAMPLE_STEP) + 1)
     ):
         depth = SAMPLE_STEP * i - outer + edge
         at = max(0.0, depth / DEPTH_STEP - 0.5)

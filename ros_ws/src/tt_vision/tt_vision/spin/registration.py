@@ -36,12 +36,14 @@ from .sphere_grid import fibonacci, fibonacci_single
 from .surface_map import MarkImages, SurfaceMap
 from .wide_search import ScoredSpins, aliases, score_spins
 
-CANDIDATE_DISTANCE, WIDE_DISTANCE = 0.2, 0.12  # rad per frame, least distance of kept candidates: in the usual and in the wide search
+# rad per frame, least distance of kept candidates: in the usual and in the wide search
+CANDIDATE_DISTANCE, WIDE_CANDIDATE_DISTANCE = 0.2, 0.12
 RIVALS = 2  # number of rivals that are refined besides the candidates
 RIVAL_DISTANCE = 0.8  # rad per frame, least distance of a rival from the best candidate: two marks, so it is not refined to the same spin
-SAME = 0.3  # rad per frame; spins that differ by less count as the same
+SAME_SPIN = 0.3  # rad per frame; spins that differ by less count as the same
 MOST_PAIR_STEP, MOST_STEP = 0.1, 0.05  # rad per frame, largest step of the refinements on pairs of frames and on all images
-ROUGH_STEP, LEAST_STEP = 6.0, 1.0  # rad/s; a refinement ends after a shorter step: one that another refinement follows, and the last one
+# rad/s; a refinement ends after a shorter step: one that another refinement follows, and the last one
+ROUGH_STEP, LEAST_SPIN_STEP = 6.0, 1.0
 LEAST_OVERLAP = 0.1  # share of what one frame shows of the surface that the next frame must show, too
 WIDE_KEPT = 40, 600  # number of candidates that are refined in the wide search: at first, and then if none of these fits. Near 120 deg per
 # frame every third frame looks alike for any axis, and only the small part that neighbouring frames share determines the axis
@@ -49,14 +51,15 @@ FIRST_POINTS = 800  # number of points on the ball in the refinement on all imag
 GATE = 0.12  # residual above which a registration is not believed
 RIVAL_SHARE = 0.3  # of a rival's residual; a registration with a larger residual than this cannot be told from the rival
 
-NEAR = 0.1, 0.2  # rad per frame, distances from the spin found at which the refinements of near rivals start
+NEAR_RIVALS = 0.1, 0.2  # rad per frame, distances from the spin found at which the refinements of near rivals start
 SAME_NEAR = 0.015  # rad per frame; refined spins that differ by less count as the same; 130 rpm at 900 frames per second
 NEAR_RATIO = 1.5  # a near rival fits as well if its squared error is less than this times that of the spin found
 LEAST_DISTINCTNESS = 50.0  # a spin is refused if its distinctness is below this times its residual. With blur or few marks this refuses 6
 # of 7 spins that are wrong by 300 to 500 rpm, and a tenth of the correct ones; of 80 bursts with many marks it refuses none
 DISTINCT = 30.0  # distinctness above which near rivals are not searched: of 82 bursts with near rivals none had more than 29
-DISTINCT_STEP = 8.0  # near rivals are not searched either if the squared error rises to more than this times its value on a step of NEAR[0]
-# in the direction in which it rises least: 1 in 20 of the bursts with near rivals had such a rise
+# near rivals are not searched either if the squared error rises to more than this times its value on a step of NEAR_RIVALS[0] in the
+# direction in which it rises least: 1 in 20 of the bursts with near rivals had such a rise
+DISTINCT_STEP = 8.0
 NEAR_POINTS = 400  # number of points on the ball in the search for near rivals
 
 
@@ -89,7 +92,7 @@ class SearchParams:
         check(self)
 
 
-DEFAULT = SearchParams()
+DEFAULT_SEARCH = SearchParams()
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +108,8 @@ class Registration:
         marks: (n,) POINT_MARK, brightness of the surface at the points `fibonacci(n)` of the ball, in its orientation at the mean time of
             the frames.
         alternatives: (m, 3) rad/s, other spins that the images do not rule out.
-        distinctness: Relative increase of the mean squared error of the brightness if the spin changes by NEAR[0] rad per frame in the
-            direction in which the increase is least; computed from derivatives. It is infinite until `with_near_rivals` computes it.
+        distinctness: Relative increase of the mean squared error of the brightness if the spin changes by NEAR_RIVALS[0] rad per frame in
+            the direction in which the increase is least; computed from derivatives. It is infinite until `with_near_rivals` computes it.
     """
 
     spin: Array
@@ -147,7 +150,7 @@ class Proposal(NamedTuple):
     candidates: int
 
 
-def register(surface: SoftSurface, search: SearchParams = DEFAULT, proposal: Proposal | None = None) -> Registration:
+def register(surface: SoftSurface, search: SearchParams = DEFAULT_SEARCH, proposal: Proposal | None = None) -> Registration:
     """Find the spin of the ball by registration: the spin with which the marks agree in all images.
 
     Args:
@@ -166,7 +169,10 @@ def register(surface: SoftSurface, search: SearchParams = DEFAULT, proposal: Pro
         if found[-1].is_believed:
             return found[-1]
     times, maps = surface.blurred.times, coarse_maps(surface)
-    for step, turn, params in ((COARSE_STEP, COARSE_TURN, search), (DENSE_STEP, DENSE_TURN, replace(DEFAULT, max_spin=search.max_spin))):
+    for step, turn, params in (
+        (COARSE_STEP, COARSE_TURN, search),
+        (DENSE_STEP, DENSE_TURN, replace(DEFAULT_SEARCH, max_spin=search.max_spin)),
+    ):
         scored = _score_turns(maps, times, step, turn, params.pairs)
         found.append(_confirm(surface, _best_of(surface, scored, CANDIDATE_DISTANCE, params), scored.pairs, params))
         if found[-1].is_believed:
@@ -174,14 +180,14 @@ def register(surface: SoftSurface, search: SearchParams = DEFAULT, proposal: Pro
     if search.max_spin * float(np.diff(times).min()) > DENSE_TURN:
         scored = score_spins(maps, times, search.max_spin)
         for kept in WIDE_KEPT:
-            params = replace(DEFAULT, max_spin=search.max_spin, kept=kept)
-            found.append(_confirm(surface, _best_of(surface, scored, WIDE_DISTANCE, params), scored.pairs, params))
+            params = replace(DEFAULT_SEARCH, max_spin=search.max_spin, kept=kept)
+            found.append(_confirm(surface, _best_of(surface, scored, WIDE_CANDIDATE_DISTANCE, params), scored.pairs, params))
             if found[-1].agrees:
                 break
     return min(found, key=lambda each: each.residual)
 
 
-def propose(surface: SoftSurface, search: SearchParams = DEFAULT) -> Proposal:
+def propose(surface: SoftSurface, search: SearchParams = DEFAULT_SEARCH) -> Proposal:
     """Search the spin that fits some of the frames of a burst best, and its rivals, for `register` to confirm on all frames.
 
     Args:
@@ -193,7 +199,7 @@ def propose(surface: SoftSurface, search: SearchParams = DEFAULT) -> Proposal:
 
 
 def register_again(
-    surface: SurfaceMap, found: Registration, search: SearchParams = DEFAULT, least_step: float = LEAST_STEP
+    surface: SurfaceMap, found: Registration, search: SearchParams = DEFAULT_SEARCH, least_step: float = LEAST_SPIN_STEP
 ) -> Registration:
     """Refine the spin of a registration on a map of the ball's surface at the full resolution. Its residual is not computed again.
 
@@ -211,7 +217,7 @@ def register_again(
     return replace(found, spin=spin, information=_information(compared, search.fine_points), marks=compared.marks)
 
 
-def register_marks(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
+def register_marks(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT_SEARCH) -> Registration:
     """Compute the marks of a registration again at more points on the ball, as many as `register_again` uses.
 
     Args:
@@ -225,7 +231,7 @@ def register_marks(surface: SoftSurface, found: Registration, search: SearchPara
     return replace(found, marks=compare_all(found.spin, fibonacci_single(search.fine_points), surface.images).marks)
 
 
-def register_residual(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT) -> Registration:
+def register_residual(surface: SoftSurface, found: Registration, search: SearchParams = DEFAULT_SEARCH) -> Registration:
     """Compute the residual of a registration again, on a surface that has become more accurate.
 
     Args:
@@ -256,15 +262,15 @@ def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
     best, compared = refine_on_all(found.spin, points, images, most, ROUGH_STEP)
     values, vectors = np.linalg.eigh(compared.normal_matrix)
     error = max(compared.error, 1e-12)
-    distinctness = (NEAR[0] / gap) ** 2 * float(values[0]) / (error * max(compared.weight, 1e-12))
-    steps = [side * turn / gap * axis for turn in NEAR for axis in vectors.T for side in (1.0, -1.0)]
+    distinctness = (NEAR_RIVALS[0] / gap) ** 2 * float(values[0]) / (error * max(compared.weight, 1e-12))
+    steps = [side * turn / gap * axis for turn in NEAR_RIVALS for axis in vectors.T for side in (1.0, -1.0)]
     if distinctness > DISTINCT or min(compare_all(best + step, points, images).error for step in steps[:2]) > DISTINCT_STEP * error:
         return replace(found, distinctness=distinctness)
     trials = [refine_on_all(best + step, points, images, most, ROUGH_STEP) for step in steps]
     near = _apart([spin for spin, its in trials if its.error < NEAR_RATIO * error], best, SAME_NEAR / gap)
     points = fibonacci_single(FIRST_POINTS)  # on more of them there are fewer minima
-    best, compared = refine_on_all(best, points, images, most, LEAST_STEP)
-    trials = [refine_on_all(spin, points, images, most, LEAST_STEP) for spin in near]
+    best, compared = refine_on_all(best, points, images, most, LEAST_SPIN_STEP)
+    trials = [refine_on_all(spin, points, images, most, LEAST_SPIN_STEP) for spin in near]
     rivals = [spin for spin, its in trials if its.error < NEAR_RATIO * compared.error]
     alternatives = np.concatenate([found.alternatives, _apart(rivals, best, SAME_NEAR / gap)])
     return replace(found, distinctness=distinctness, alternatives=alternatives)
@@ -301,7 +307,7 @@ def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params:
     chosen = scored.spins[_chosen(scored.spins, scored.scores, distance / gap, params.kept, RIVAL_DISTANCE / gap)]
     trials = [refine_on_pairs(spin, points, before, pairs, images, surface.blurred_contrast, most) for spin in chosen]
     spin, residual = min(trials, key=lambda trial: trial[1])
-    rivals = _apart([rival for rival, its in trials if its * RIVAL_SHARE < residual], spin, SAME / gap)
+    rivals = _apart([rival for rival, its in trials if its * RIVAL_SHARE < residual], spin, SAME_SPIN / gap)
     return Proposal(spin, rivals, len(scored.spins))
 
 
@@ -321,7 +327,7 @@ def _confirm(surface: SoftSurface, proposal: Proposal, pairs: np.ndarray, params
     residual = _residual(surface, spin, pairs, params.coarse_points)
     rivals = [refine_on_all(rival, points, images, most, ROUGH_STEP)[0] for rival in proposal.rivals]
     rivals = [rival for rival in rivals if _residual(surface, rival, pairs, params.coarse_points) * RIVAL_SHARE < residual]
-    alternatives = _apart([*rivals, *aliases(spin, gap, params.max_spin)], spin, SAME / gap)
+    alternatives = _apart([*rivals, *aliases(spin, gap, params.max_spin)], spin, SAME_SPIN / gap)
     information = 0.25 * _information(compared, FIRST_POINTS)  # a quarter of the pixels
     return Registration(spin, information, residual, proposal.candidates, compared.marks, alternatives)
 
@@ -400,4 +406,4 @@ def _most_step(images: MarkImages, turn: float) -> float:
 
 def _information(compared: Comparison, points: int) -> Array:
     """Return the information (3, 3), (rad/s)^-2, scaled to the default number of points on the ball."""
-    return DEFAULT.fine_points / points * compared.normal_matrix / max(compared.error, 1e-12)
+    return DEFAULT_SEARCH.fine_points / points * compared.normal_matrix / max(compared.error, 1e-12)

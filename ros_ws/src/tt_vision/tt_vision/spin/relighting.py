@@ -12,7 +12,7 @@ from .ball_marks import BallMarks, ball_marks, mark_at
 from .registration import Registration
 from .surface_map import SurfaceMap
 
-LEAST_MARK_WEIGHT = 0.3  # least weight of the known brightness of a place; one pixel that is seen from straight above has the weight 1
+LEAST_RELIT_WEIGHT = 0.3  # least weight of the known brightness of a place; one pixel that is seen from straight above has the weight 1
 LEAST_KEPT = 0.8  # least share of what a camera shows of the ball that it must show with the new light: 0.94 and more is usual, 0 with
 # marks of another ball
 
@@ -57,5 +57,5 @@ def _albedo(normals: np.ndarray, known: BallMarks) -> np.ndarray:
             for i in range(m % 3, size, 3):
                 normal = normals[m, j, i]
                 if normal.cosine > 0.0:
-                    out[m, j, i] = max(0.0, mark_at(marks, texels, turn, normal.x, normal.y, -normal.z, LEAST_MARK_WEIGHT))
+                    out[m, j, i] = max(0.0, mark_at(marks, texels, turn, normal.x, normal.y, -normal.z, LEAST_RELIT_WEIGHT))
     return out

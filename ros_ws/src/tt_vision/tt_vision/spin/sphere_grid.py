@@ -40,7 +40,7 @@ def cube(n: int, edge: int) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def nearest(cube: np.ndarray, x: float, y: float, z: float) -> int:
+def nearest_point(cube: np.ndarray, x: float, y: float, z: float) -> int:
     """Look up the point on the sphere that is nearest to a direction, as accurately as the cells of the cube map allow.
 
     Args:

@@ -24,7 +24,7 @@ FULL_WEIGHT = 0.55  # cosine between normal and line of sight from which on a pi
 LEAST_COSINE = 0.05  # cosine between normal and line of sight below which a pixel is not divided by the light
 LEAST_LIGHT = 0.15  # least light in a pixel, relative to the brightest pixel; with less light marks cannot be told from noise
 FULL_LIGHT = 0.5  # light, relative to the brightest pixel, from which on a pixel has its full weight
-MARK_RANGE = (-0.3, 1.5)  # lowest and highest brightness of a pixel; white is 1
+PIXEL_RANGE = (-0.3, 1.5)  # lowest and highest brightness of a pixel; white is 1
 BORDER = 4  # pixels, width of the border around the ball that is cut out with it
 
 VIEW = np.dtype(
@@ -239,7 +239,7 @@ def _divide(stack: np.ndarray, normals: np.ndarray, centres: Array, light: Illum
     """Compiled part of `divide_light`, with the same arguments but `centres`: (images, 3) m, the ball's centre in the camera's frame."""
     brightness, weights = np.ones(stack.shape, dtype=np.float32), np.zeros(stack.shape, dtype=np.float32)
     images, size, cameras = stack.shape[0], stack.shape[1], len(light.harmonics)
-    low, high = MARK_RANGE
+    low, high = PIXEL_RANGE
     least, full = LEAST_LIGHT * top, 1.0 / (FULL_LIGHT * top)
     for m in range(images):
         of_camera, gain = camera_light(light, m * cameras // images), light.gains[m]

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from tt_core.arrays import Array
+from tt_core.arrays import VZ, Array, Z
 from tt_core.constants import GRAVITY
 
 from ..projection import project_from_table, ray, unpack_camera
-from .history import POSITION, Measurements, select
+from .history import MEASURED_POSITION, Measurements, select
 
 MOST = 12  # largest number of measurements that are compared: 220 triples
 SPAN = 0.15  # s, longest time between the first and the last of these measurements
@@ -21,10 +21,10 @@ FAST_SPAN = 0.05  # s; if more than MOST measurements arrive within this time, M
 EQUATIONS = 12  # least number of coordinates that must agree; six determine a parabola
 SHARE = 0.6  # least share of the coordinates that must agree
 UNKNOWN_ACCELERATION = 12.0  # m/s^2, by drag and lift, which the parabola leaves out
-SIGMAS = 4.0  # largest distance, in standard deviations, at which a measurement agrees
+AGREEMENT_SIGMAS = 4.0  # largest distance, in standard deviations, at which a measurement agrees
 WIDENINGS = 4  # how many standard deviations are tried: those given, then each time twice as large, in case they were too small
 RIDGE = 1e-9  # added to the diagonal of the scaled normal equations
-WIDEST = 100.0  # m and m/s, largest coordinate of a position and of a velocity that is plausible
+LARGEST_PLAUSIBLE = 100.0  # m and m/s, largest coordinate of a position and of a velocity that is plausible
 
 
 def count_within(times: Array) -> int:
@@ -39,7 +39,7 @@ def count_within(times: Array) -> int:
     return int(min(within, max(MOST, fast)))
 
 
-def find(seen: Measurements, cameras: Array) -> Array | None:
+def find_ball_motion(seen: Measurements, cameras: Array) -> Array | None:
     """Find the position and the velocity of a ball in measurements, some of which may be wrong.
 
     At most MOST of the measurements, evenly spread, are compared.
@@ -86,7 +86,7 @@ def _sum(i: int, middle: float, seen: Measurements, cameras: Array, normal: Arra
     """
     time, a = seen.times[i] - middle, np.empty(3)
     fall = 0.5 * GRAVITY * time * time
-    if seen.cameras[i] == POSITION:
+    if seen.cameras[i] == MEASURED_POSITION:
         for k in range(3):
             a[:] = seen.roots[i, k]
             value = seen.values[i]
@@ -121,7 +121,7 @@ def _agrees(i: int, middle: float, parabola: Array, wide: float, seen: Measureme
     place[2] -= 0.5 * GRAVITY * time * time
     slack = 0.5 * UNKNOWN_ACCELERATION * time * time
     value, root = seen.values[i], seen.roots[i]
-    if seen.cameras[i] == POSITION:
+    if seen.cameras[i] == MEASURED_POSITION:
         off = value - place
         distance = np.sqrt(off[0] ** 2 + off[1] ** 2 + off[2] ** 2)
         beyond = max(0.0, 1.0 - slack / distance) if distance > 0.0 else 0.0
@@ -129,13 +129,13 @@ def _agrees(i: int, middle: float, parabola: Array, wide: float, seen: Measureme
         for r in range(3):
             part = beyond * (root[r, 0] * off[0] + root[r, 1] * off[1] + root[r, 2] * off[2])
             total += part * part
-        return total < (SIGMAS * wide) ** 2
+        return total < (AGREEMENT_SIGMAS * wide) ** 2
     camera = unpack_camera(cameras[seen.cameras[i]])
     u, v, depth = project_from_table(camera, place[0], place[1], place[2])
     if not depth > 0.0:
         return False
     distance = np.sqrt((value[0] - u) ** 2 + (value[1] - v) ** 2)
-    return distance < SIGMAS * wide / root[0, 0] + slack * camera.optics.focal / depth
+    return distance < AGREEMENT_SIGMAS * wide / root[0, 0] + slack * camera.optics.focal / depth
 
 
 @njit(cache=True)
@@ -150,7 +150,7 @@ def _solve(chosen: Array, middle: float, seen: Measurements, cameras: Array, par
         parabola: (6,) filled with position (m) and velocity (m/s).
 
     Returns:
-        Whether the result is plausible: no coordinate exceeds WIDEST.
+        Whether the result is plausible: no coordinate exceeds LARGEST_PLAUSIBLE.
     """
     normal, right = np.zeros((6, 6)), np.zeros(6)
     for i in range(len(seen.times)):
@@ -161,7 +161,7 @@ def _solve(chosen: Array, middle: float, seen: Measurements, cameras: Array, par
     for k in range(6):
         normal[k, k] += RIDGE
     parabola[:] = np.linalg.solve(normal, right / scale) / scale
-    return bool(np.abs(parabola).max() < WIDEST)
+    return bool(np.abs(parabola).max() < LARGEST_PLAUSIBLE)
 
 
 @njit(cache=True)
@@ -175,7 +175,7 @@ def _count(middle: float, parabola: Array, wide: float, seen: Measurements, came
     for i in range(len(seen.times)):
         agree[i] = 1.0 if _agrees(i, middle, parabola, wide, seen, cameras) else 0.0
         if agree[i] > 0.0:
-            total += 3 if seen.cameras[i] == POSITION else 2
+            total += 3 if seen.cameras[i] == MEASURED_POSITION else 2
     return total
 
 
@@ -194,7 +194,7 @@ def find_parabola(seen: Measurements, cameras: Array, parabola: Array) -> bool:
     n = len(seen.times)
     coordinates = 0
     for i in range(n):
-        coordinates += 3 if seen.cameras[i] == POSITION else 2
+        coordinates += 3 if seen.cameras[i] == MEASURED_POSITION else 2
     if coordinates < EQUATIONS:
         return False
     middle = 0.5 * (seen.times[0] + seen.times[n - 1])
@@ -236,6 +236,6 @@ def find_parabola(seen: Measurements, cameras: Array, parabola: Array) -> bool:
     for k in range(3):
         parabola[k] = trial[k] + time * trial[3 + k]
         parabola[3 + k] = trial[3 + k]
-    parabola[2] -= 0.5 * GRAVITY * time * time
-    parabola[5] -= GRAVITY * time
+    parabola[Z] -= 0.5 * GRAVITY * time * time
+    parabola[VZ] -= GRAVITY * time
     return True

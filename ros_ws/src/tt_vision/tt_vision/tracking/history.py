@@ -9,7 +9,7 @@ import numpy.typing as npt
 from tt_core.states import Array
 
 CAPACITY = 512  # largest number of measurements: 0.4 s of four cameras at 300 Hz
-POSITION = -1  # in place of the index of a camera: the measurement is a position, not a pixel
+MEASURED_POSITION = -1  # in place of the index of a camera: the measurement is a position, not a pixel
 
 
 class Measurements(NamedTuple):
@@ -17,7 +17,7 @@ class Measurements(NamedTuple):
 
     Attributes:
         times: (n,) s, stamps, not decreasing.
-        cameras: (n,) index of the camera of a pixel; POSITION for a measured position.
+        cameras: (n,) index of the camera of a pixel; MEASURED_POSITION for a measured position.
         values: (n, 3) position in m in `table`; for a pixel its column, its row, and 0.
         roots: (n, 3, 3) inverse of the Cholesky factor of the covariance of a position, 1/m. For a pixel only [0, 0] is used, which is 1
             divided by its standard deviation in pixels.
@@ -88,7 +88,7 @@ class History:
 
         Args:
             time: Stamp, s.
-            camera: Index of the camera; POSITION for a measured position.
+            camera: Index of the camera; MEASURED_POSITION for a measured position.
             value: (3,), see `Measurements.values`.
             root: (3, 3), see `Measurements.roots`.
 

@@ -21,11 +21,13 @@ from tt_core.flight import step
 from tt_core.physics import PhysicsCoefficients, physics_coefficients
 from tt_core.table_contacts import over_table
 from tt_core.tangents import (
+    BY_DRAG,
+    BY_LIFT,
     DRAG,
     LIFT,
     PARAMETERS,
     REST,
-    Scratch,
+    TangentScratch,
     acceleration_jacobian,
     advance,
     air_with_factors,
@@ -38,18 +40,20 @@ from tt_core.tangents import (
 from .window_fit import add_noise, invert
 
 DOUBT = 4.0  # standard deviations of the time of a bounce; within this of the bounce it is not certain whether the ball has bounced
-LITTLE = 1e-3  # share of the variance of the acceleration before any measurement that is added to its variance after the fit
+LEAST_VARIANCE_SHARE = 1e-3  # share of the variance of the acceleration before any measurement that is added to its variance after the fit
 CORNER = math.sqrt(2.0)  # standard deviations from the mean to each of the 16 points (+-CORNER in four coordinates) of a cubature rule
-SIDES = math.sqrt(3.0)  # standard deviations from the mean to the outer points of the three-point Gauss-Hermite rule, each of weight 1/6
+OUTER_SIGMAS = math.sqrt(
+    3.0
+)  # standard deviations from the mean to the outer points of the three-point Gauss-Hermite rule, each of weight 1/6
 
 
 @njit(cache=True)
-def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoefficients, spin_noise: float, out: Array) -> None:
+def _missed_by_derivatives(before: Array, covariance: Array, models: PhysicsCoefficients, spin_noise: float, out: Array) -> None:
     """Compute the part of the covariance of velocity and spin after a bounce that linear propagation misses.
 
     Args:
         before: (9,) state of the ball just before the bounce.
-        spread: (6, 6) covariance of velocity and spin just before the bounce.
+        covariance: (6, 6) covariance of velocity and spin just before the bounce.
         models: Coefficients; only those of the table are used.
         spin_noise: rad/s, standard deviation of a change of spin at a bounce that no model describes.
         out: (6, 6) filled with this part of the covariance.
@@ -57,13 +61,13 @@ def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoeffici
     out[:] = 0.0
     for k in range(3):
         out[3 + k, 3 + k] = spin_noise * spin_noise
-    scale = np.sqrt(np.maximum(np.diag(spread), 1e-30))
-    values, axes = np.linalg.eigh(spread / scale / scale.reshape(-1, 1))
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    values, axes = np.linalg.eigh(covariance / scale / scale.reshape(-1, 1))
     middle = before[VX:].copy()
     rebound_table(middle[:3], middle[3:], models.table)
     low, high = np.empty(6), np.empty(6)
     for k in range(6):
-        point = SIDES * math.sqrt(max(0.0, values[k])) * axes[:, k] * scale
+        point = OUTER_SIGMAS * math.sqrt(max(0.0, values[k])) * axes[:, k] * scale
         low[:], high[:] = before[VX:] - point, before[VX:] + point
         rebound_table(low[:3], low[3:], models.table)
         rebound_table(high[:3], high[3:], models.table)
@@ -73,7 +77,14 @@ def _missed_by_derivatives(before: Array, spread: Array, models: PhysicsCoeffici
 
 @njit(cache=True)
 def _unbounced_or_bounced(
-    state: Array, before: Array, since: float, sigma: float, spread: Array, models: PhysicsCoefficients, space: Scratch, other_spread: Array
+    state: Array,
+    before: Array,
+    since: float,
+    sigma: float,
+    covariance: Array,
+    models: PhysicsCoefficients,
+    space: TangentScratch,
+    other_covariance: Array,
 ) -> float:
     """Compute the other possible state of a ball close to a bounce: not bounced yet instead of bounced, or the other way round.
 
@@ -82,10 +93,10 @@ def _unbounced_or_bounced(
         before: (9,) state just before its last bounce.
         since: s since that bounce; infinite if there was none.
         sigma: s, standard deviation of the time of that bounce.
-        spread: (9, 9) covariance of `state`.
+        covariance: (9, 9) covariance of `state`.
         models: Coefficients of air and table.
         space: Work arrays; `space.end` is filled with the other possible state.
-        other_spread: (9, 9) covariance of `before`, replaced by that of the other possible state.
+        other_covariance: (9, 9) covariance of `before`, replaced by that of the other possible state.
 
     Returns:
         The probability of the other state; 0 if the ball is not close to a bounce.
@@ -95,25 +106,25 @@ def _unbounced_or_bounced(
         step(before, since, models.air, other, space.work)
         return 0.5 * math.erfc(since / (sigma * math.sqrt(2.0)))
     height, fall = state[Z] - contact, -state[VZ]
-    deviation = math.sqrt(max(0.0, spread[Z, Z]))
+    deviation = math.sqrt(max(0.0, covariance[Z, Z]))
     if fall > REST and -contact < height < DOUBT * deviation and over_table(state):  # it may have bounced already
         ahead = height / fall
         step(state, ahead, models.air, space.trial, space.work)
         space.trial[Z] = contact
         start_tangents(space.tangents)
-        _missed_by_derivatives(space.trial, np.ascontiguousarray(spread[VX:, VX:]), models, 0.0, other_spread[VX:, VX:])
-        missed = other_spread[VX:, VX:].copy()
+        _missed_by_derivatives(space.trial, np.ascontiguousarray(covariance[VX:, VX:]), models, 0.0, other_covariance[VX:, VX:])
+        missed = other_covariance[VX:, VX:].copy()
         bounce_now(space.trial, space.tangents, models, space)
         jump = np.ascontiguousarray(space.tangents[:, :9])
-        other_spread[:] = jump @ spread @ jump.T
-        other_spread[VX:, VX:] += missed
+        other_covariance[:] = jump @ covariance @ jump.T
+        other_covariance[VX:, VX:] += missed
         step(space.trial, -ahead, models.air, other, space.work)
         return 0.5 * math.erfc(height / (deviation * math.sqrt(2.0)))
     return 0.0
 
 
 @njit(cache=True)
-def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoefficients, space: Scratch) -> None:
+def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoefficients, space: TangentScratch) -> None:
     """Correct the covariance for the acceleration by the spin, which is not linear in the spin.
 
     The part of the covariance that belongs to the uncertainty of the spin and of the lift is replaced by that of 16 points. The position
@@ -133,7 +144,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
     here = np.array([a[0], a[1], a[2]])
     slopes = np.zeros((3, PARAMETERS))
     slopes[:, VX : WX + 3] = jacobian[:, :6]
-    slopes[:, DRAG], slopes[:, LIFT] = jacobian[:, 6], jacobian[:, 7]
+    slopes[:, DRAG], slopes[:, LIFT] = jacobian[:, BY_DRAG], jacobian[:, BY_LIFT]
     across = covariance @ slopes.T  # (PARAMETERS, 3)
     seen = slopes @ across
     unseen = np.zeros((3, 3))
@@ -143,7 +154,7 @@ def _curve(state: Array, covariance: Array, broad: Array, models: PhysicsCoeffic
                 unseen[r, c] += jacobian[r, 3 + k] * jacobian[c, 3 + k] * broad[k] ** 2
         unseen[r, r] += 1e-6
         seen[r, r] += 1e-9
-    gain = across @ invert(seen + LITTLE * unseen)
+    gain = across @ invert(seen + LEAST_VARIANCE_SHARE * unseen)
     values, axes = np.linalg.eigh(np.ascontiguousarray(covariance[WX : WX + 3, WX : WX + 3]))
     columns = np.zeros((4, PARAMETERS))
     rest = covariance.copy()
@@ -200,7 +211,7 @@ def predict(
     state, tangents, before = unknowns[:9].copy(), np.empty((9, PARAMETERS)), np.empty(9)
     start_tangents(tangents)
     known = np.ascontiguousarray(covariance[:PARAMETERS, :PARAMETERS])
-    missed, before_spread = np.zeros((6, 6)), np.empty((9, 9))
+    missed, before_covariance = np.zeros((6, 6)), np.empty((9, 9))
     left, since, sigma = duration, np.inf, 0.0
     while left > 1e-12:
         h, contact = advance(state, tangents, left, models, space)
@@ -210,8 +221,8 @@ def predict(
             before[:] = state
             row = tangents[Z].copy() / state[VZ]
             sigma, since = math.sqrt(max(0.0, row @ known @ row)), 0.0
-            before_spread[:] = tangents @ known @ tangents.T
-            _missed_by_derivatives(before, np.ascontiguousarray(before_spread[VX:, VX:]), models, noise[2], missed)
+            before_covariance[:] = tangents @ known @ tangents.T
+            _missed_by_derivatives(before, np.ascontiguousarray(before_covariance[VX:, VX:]), models, noise[2], missed)
             bounce_now(state, tangents, models, space)
     flow = np.eye(PARAMETERS)
     flow[:9] = tangents
@@ -225,16 +236,16 @@ def predict(
         out[:3, 3:] += since * missed[:3]
         out[3:, :3] += since * missed[:, :3]
         out[:3, :3] += since * since * missed[:3, :3]
-    share = _unbounced_or_bounced(state, before, since, sigma, out, models, space, before_spread)
+    share = _unbounced_or_bounced(state, before, since, sigma, out, models, space, before_covariance)
     if share > 0.0:
         if share > 0.5:
             swapped = state.copy()
             state[:] = space.end
             space.end[:] = swapped
-            swapped_spread = out.copy()
-            out[:] = before_spread
-            before_spread[:] = swapped_spread
+            swapped_covariance = out.copy()
+            out[:] = before_covariance
+            before_covariance[:] = swapped_covariance
             share = 1.0 - share
         apart = space.end - state
-        out += share * (before_spread - out + apart * apart.reshape(-1, 1))
+        out += share * (before_covariance - out + apart * apart.reshape(-1, 1))
     return state, 0.5 * (out + out.T)

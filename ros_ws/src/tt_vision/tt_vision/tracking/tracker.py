@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from tt_core.arrays import POSITION, SPIN, VELOCITY
+from tt_core.arrays import POSITION, SPIN, VELOCITY, Z
 from tt_core.constants import BALL_RADIUS, FLOOR_Z
 from tt_core.errors import BadChoice, TtError, check_array, check_range
-from tt_core.events import FARTHEST, FASTEST, LONGEST_PATH
+from tt_core.events import LARGEST_COORDINATE, LARGEST_SPEED_SUM, LONGEST_PATH
 from tt_core.factors import scaled
 from tt_core.physics import Physics
 from tt_core.states import Array, BallState
@@ -19,25 +19,25 @@ from tt_core.tangents import DRAG, PARAMETERS
 
 from ..camera import Camera
 from . import cold_start
-from .history import POSITION as A_POSITION
+from .history import MEASURED_POSITION as A_POSITION
 from .history import History, Measurements
 from .params import TrackerParams
 from .prediction import predict
-from .window_fit import Prior, Workspace, fit, invert, shift, workspace
+from .window_fit import Prior, Workspace, fit_window, invert, shift, workspace
 
 BATCH = 16  # number of measurements that are added to the fit at a time
 RECENT = 8  # number of newest measurements that are checked; if MISSED of them do not fit, another ball is looked for
 MISSED = 6
 OTHER_SPINS = (0.0, 0.5, 1.5, -0.5)  # factors on the fitted spin that give other starting values for a bad fit
 FARTHEST_START = 10.0  # largest distance of such a start from the prior, in standard deviations of the prior
-SILENCE = 0.5  # s; a measurement that comes later than this after the newest one may be of another ball, and is kept apart at first
-SLACK = 0.05  # s, by which the window may become longer than its lag before its start moves
+LONGEST_SILENCE = 0.5  # s; a measurement that comes later than this after the newest one may be of another ball, and is kept apart at first
+WINDOW_SLACK = 0.05  # s, by which the window may become longer than its lag before its start moves
 WIDEST_PLACE = 30.0  # m, standard deviation of each coordinate of a ball before any measurement
 LEAST_VARIANCES = np.repeat([1e-10, 1e-8, 1e-4], 3)  # m^2, (m/s)^2, (rad/s)^2, added to those of a measured ball, so that its covariance
 # can be inverted
 MOST_SPIN = 1e4  # rad/s, largest spin component of a measured ball
 UNKNOWN_BALL = np.repeat([0.02, 0.3, 100.0], 3) ** 2  # m^2, (m/s)^2, (rad/s)^2: variances of a ball that is given without a covariance
-LATEST = 1e12  # s, largest absolute value of a stamp
+LATEST_STAMP = 1e12  # s, largest absolute value of a stamp
 
 
 class NotACovariance(TtError):
@@ -140,10 +140,10 @@ class Tracker:
             NotACovariance: The covariance is not symmetric, or has a negative eigenvalue.
             OutOfRange: Time, position, velocity or spin is too large for a ball.
         """
-        check_range("time", ball.time, -LATEST, LATEST)
+        check_range("time", ball.time, -LATEST_STAMP, LATEST_STAMP)
         for name, values, most in (
-            ("position", ball.position, FARTHEST),
-            ("velocity", ball.velocity, FASTEST),
+            ("position", ball.position, LARGEST_COORDINATE),
+            ("velocity", ball.velocity, LARGEST_SPEED_SUM),
             ("spin", ball.spin, MOST_SPIN),
         ):
             check_range(name, float(np.abs(values).max()), 0.0, most)
@@ -173,11 +173,11 @@ class Tracker:
             NotACovariance: `covariance` is not symmetric, or not positive definite.
             NotFinite: A number is NaN or infinite.
             BadShape: An array has another shape.
-            OutOfRange: The time exceeds LATEST, or a coordinate exceeds FARTHEST.
+            OutOfRange: The time exceeds LATEST_STAMP, or a coordinate exceeds LARGEST_COORDINATE.
         """
-        time = check_range("time", time, -LATEST, LATEST)
+        time = check_range("time", time, -LATEST_STAMP, LATEST_STAMP)
         position = check_array("position", position, (3,))
-        check_range("position", float(np.abs(position).max()), 0.0, FARTHEST)
+        check_range("position", float(np.abs(position).max()), 0.0, LARGEST_COORDINATE)
         matrix = _covariance("covariance", covariance, (3, 3), 0.0)
         self._add(time, A_POSITION, position, np.linalg.inv(np.linalg.cholesky(matrix)))
 
@@ -194,9 +194,9 @@ class Tracker:
             BadChoice: There is no such camera.
             NotFinite: A number is NaN or infinite.
             BadShape: `pixel` has another shape.
-            OutOfRange: The time exceeds LATEST, `sigma` is outside 1e-4 to 1e4 pixels, or a pixel coordinate exceeds 1e5.
+            OutOfRange: The time exceeds LATEST_STAMP, `sigma` is outside 1e-4 to 1e4 pixels, or a pixel coordinate exceeds 1e5.
         """
-        time = check_range("time", time, -LATEST, LATEST)
+        time = check_range("time", time, -LATEST_STAMP, LATEST_STAMP)
         if isinstance(camera_index, bool) or camera_index not in range(len(self._cameras)):
             raise BadChoice("camera_index", str(camera_index), tuple(map(str, range(len(self._cameras)))))
         pixel = check_array("pixel", pixel, (2,))
@@ -264,7 +264,7 @@ class Tracker:
         """
         duration, unseen = at - track.prior.time, at - self._latest
         state, covariance = predict(track.unknowns, track.space.covariance, duration, unseen, self._physics, self._noise, self._broad)
-        if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[2] < FLOOR_Z + 0.5 * BALL_RADIUS:
+        if not (np.isfinite(state).all() and np.isfinite(covariance).all()) or state[Z] < FLOOR_Z + 0.5 * BALL_RADIUS:
             return None
         return BallState(at, state[POSITION], state[VELOCITY], state[SPIN], covariance)
 
@@ -296,7 +296,7 @@ class Tracker:
             oldest = track.prior.time
         if track is not None and oldest <= time < track.prior.time:  # the ball was seen before the start of its track: find it anew
             self._track, self._known, self._latest, self._fitted = None, False, -math.inf, -math.inf
-        if oldest <= time <= newest + SILENCE or not math.isfinite(newest):
+        if oldest <= time <= newest + LONGEST_SILENCE or not math.isfinite(newest):
             self._outside.clear()
             self._take(time, camera, value, root)
             return
@@ -337,7 +337,7 @@ class Tracker:
             end = min(len(times), int(np.searchsorted(times, self._fitted, side="right")) + BATCH)
             if self._fit(end):
                 self._doubt(end)
-                if self._latest - self._track_start() > self.params.lag + SLACK:
+                if self._latest - self._track_start() > self.params.lag + WINDOW_SLACK:
                     self._shift(self._latest - self.params.lag)
             else:
                 self._known, self._track = False, None
@@ -367,7 +367,7 @@ class Tracker:
 
     def _fit_from(self, track: _Track, seen: Measurements) -> float:
         """Fit a track to measurements, starting from its present unknowns; return the new `excess`, NaN if the fit fails."""
-        return fit(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
+        return fit_window(track.unknowns, track.prior, seen, self._cameras, self._physics, self.params.gates, track.space, track.excess)
 
     def _fit_again(self, track: _Track, seen: Measurements) -> None:
         """Repeat a fit from other spins, and keep the best result: the cost has two minima, slip and grip at a bounce on the table."""
@@ -426,7 +426,7 @@ class Tracker:
         Returns:
             Whether a ball was found.
         """
-        parabola = cold_start.find(source.part(first, last), self._cameras)
+        parabola = cold_start.find_ball_motion(source.part(first, last), self._cameras)
         if parabola is None:
             return False
         seen = source.part(first, last)

@@ -20,21 +20,22 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from tt_core.arrays import VX, WX, Array, X
+from tt_core.interpolate import hermite_weights
 from tt_core.physics import physics_coefficients
-from tt_core.tangents import PARAMETERS, Scratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
+from tt_core.tangents import PARAMETERS, TangentScratch, advance, bounce_now, fly_through, scratch, start_tangents, with_factors
 
 from ..projection import CameraModel, rotate, unpack_camera
-from .history import CAPACITY, POSITION, Measurements
+from .history import CAPACITY, MEASURED_POSITION, Measurements
 
 MOST_PASSES = 12  # largest number of Gauss-Newton steps of one fit
-HALVINGS = 5  # how many lengths of a step are tried, each half of the one before, while it makes the fit worse
+STEP_HALVINGS = 5  # how many lengths of a step are tried, each half of the one before, while it makes the fit worse
 DONE = 1e-3  # squared length of a step in standard deviations, below which it is the last one
-BEHIND = 1e6  # whitened residual that is used for a ball behind a camera
+BEHIND_CAMERA = 1e6  # whitened residual that is used for a ball behind a camera
 FARTHEST_STEP = 30.0  # longest step, in standard deviations of the prior
 MEDIANS = np.array([1.0, 0.4549, 1.3863, 2.3660])  # medians of chi-square with 1, 2 and 3 degrees of freedom; the first number is not used
 LEAST_EXCESS = 2.0  # squared ratio of residuals to their standard deviations above which the given standard deviations are enlarged
 MOST_EXCESS = 100.0  # the same ratio above which they are not enlarged, because the measurements belong to another flight
-ROUNDS = 4  # largest number of rounds of fitting and of choosing the measurements that are used
+MOST_ROUNDS = 4  # largest number of rounds of fitting and of choosing the measurements that are used
 VARIANCE_STEPS = 3  # steps of expectation and maximisation in each round
 
 
@@ -141,7 +142,7 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
         space: `residuals[i]` and `rows[i]` are filled.
     """
     rows, residual, root, value = space.rows[i], space.residuals[i], seen.roots[i], seen.values[i]
-    if seen.cameras[i] == POSITION:
+    if seen.cameras[i] == MEASURED_POSITION:
         for r in range(3):
             residual[r] = 0.0
             for k in range(r + 1):
@@ -155,7 +156,7 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
     u, v = _predict_pixel(unpack_camera(cameras[side]), place, slopes)
     if math.isnan(u):
         rows[:] = 0.0
-        residual[0], residual[1], residual[2] = BEHIND, 0.0, 0.0
+        residual[0], residual[1], residual[2] = BEHIND_CAMERA, 0.0, 0.0
         return
     weight, biased = root[0, 0], len(unknowns) > PARAMETERS
     bias = PARAMETERS + 2 * side
@@ -173,7 +174,9 @@ def _compare(place: Array, tangents: Array, i: int, seen: Measurements, cameras:
 
 
 @njit(cache=True)
-def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array, physics: Array, space: Workspace, air: Scratch) -> bool:
+def _linearise(
+    start: float, unknowns: Array, seen: Measurements, cameras: Array, physics: Array, space: Workspace, air: TangentScratch
+) -> bool:
     """Predict all measurements from the unknowns, and compute their residuals and derivatives.
 
     Args:
@@ -206,11 +209,7 @@ def _linearise(start: float, unknowns: Array, seen: Measurements, cameras: Array
             if not abs(state[k]) < 1e3:
                 return False
         while i < n and h > 0.0 and seen.times[i] <= now + h + 1e-12:
-            share = min(1.0, (seen.times[i] - now) / h)
-            left = 1.0 - share
-            # cubic Hermite interpolation, of the place and of its derivatives
-            a, b = (1.0 + 2.0 * share) * left * left, share * left * left * h
-            c, d = share * share * (3.0 - 2.0 * share), -share * share * left * h
+            a, b, c, d = hermite_weights(h, min(1.0, (seen.times[i] - now) / h))
             for k in range(3):
                 place[k] = a * last[k] + b * last[VX + k] + c * state[k] + d * state[VX + k]
                 for p in range(PARAMETERS):
@@ -248,7 +247,7 @@ def _accumulate(unknowns: Array, prior: Prior, seen: Measurements, excess: float
     for i in range(len(seen.times)):
         if not seen.used[i]:
             continue
-        for m in range(3 if seen.cameras[i] == POSITION else 2):
+        for m in range(3 if seen.cameras[i] == MEASURED_POSITION else 2):
             row, residual = space.rows[i, m], space.residuals[i, m]
             cost += weight * residual * residual
             for r in range(n):
@@ -284,11 +283,11 @@ def _distance(i: int, size: int, excess: float, covariance: Array, space: Worksp
         space: Holds its residual and derivatives.
     """
     rows = space.rows[i, :size].copy()
-    spread = rows @ covariance @ rows.T
+    expected = rows @ covariance @ rows.T
     for k in range(size):
-        spread[k, k] += excess
+        expected[k, k] += excess
     residual = space.residuals[i, :size].copy()
-    return float(residual @ np.linalg.solve(spread, residual))
+    return float(residual @ np.linalg.solve(expected, residual))
 
 
 @njit(cache=True)
@@ -296,8 +295,8 @@ def _admit(seen: Measurements, gates: Array, excess: float, covariance: Array, s
     """Mark those unused measurements as used that agree with the prediction; return whether there are any."""
     admitted = False
     for i in range(len(seen.times)):
-        if not seen.used[i] and abs(space.residuals[i, 0]) < BEHIND:
-            size = 3 if seen.cameras[i] == POSITION else 2
+        if not seen.used[i] and abs(space.residuals[i, 0]) < BEHIND_CAMERA:
+            size = 3 if seen.cameras[i] == MEASURED_POSITION else 2
             if _distance(i, size, excess, covariance, space) < gates[size]:
                 seen.used[i] = True
                 admitted = True
@@ -311,7 +310,7 @@ def _expel(seen: Measurements, gates: Array, excess: float, space: Workspace) ->
     for i in range(len(seen.times)):
         if seen.used[i]:
             r = space.residuals[i]
-            if r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > excess * gates[3 if seen.cameras[i] == POSITION else 2]:
+            if r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > excess * gates[3 if seen.cameras[i] == MEASURED_POSITION else 2]:
                 seen.used[i] = False
                 expelled = True
     return expelled
@@ -329,7 +328,7 @@ def _excess(seen: Measurements, space: Workspace) -> float:
     ratios = np.empty(n)
     for i in range(n):
         r = space.residuals[i]
-        ratios[i] = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / MEDIANS[3 if seen.cameras[i] == POSITION else 2]
+        ratios[i] = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / MEDIANS[3 if seen.cameras[i] == MEASURED_POSITION else 2]
     found = float(np.median(ratios))
     return found if LEAST_EXCESS < found < MOST_EXCESS else 1.0
 
@@ -341,8 +340,8 @@ def _learn_spin_variance(unknowns: Array, prior: Prior, seen: Measurements, exce
     for _ in range(VARIANCE_STEPS):
         _accumulate(unknowns, prior, seen, excess, space)
         w = unknowns[spin] + _newton_step(space)[spin]
-        spread = np.ascontiguousarray(invert(space.normal)[spin, spin])
-        total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spread)
+        spin_covariance = np.ascontiguousarray(invert(space.normal)[spin, spin])
+        total = w @ prior.spin_shape @ w + np.trace(prior.spin_shape @ spin_covariance)
         variance = (total + prior.spin_weight * prior.spin_variance) / (3.0 + prior.spin_weight)
         prior.information[spin, spin] = prior.spin_shape / variance
 
@@ -366,7 +365,7 @@ def _move(unknowns: Array, delta: Array, count: int, space: Workspace) -> None:
 
 @njit(cache=True)
 def _converge(
-    unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, excess: float, space: Workspace, air: Scratch
+    unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, excess: float, space: Workspace, air: TangentScratch
 ) -> bool:
     """Minimise the cost over the unknowns by Gauss-Newton steps, with the choice of used measurements as it is.
 
@@ -396,7 +395,7 @@ def _converge(
         far = float(delta @ prior.information @ delta)
         share = 1.0 if far < FARTHEST_STEP**2 else FARTHEST_STEP / math.sqrt(far)
         here = unknowns.copy()
-        for _ in range(HALVINGS):
+        for _ in range(STEP_HALVINGS):
             unknowns[:] = here + share * delta
             if _linearise(prior.time, unknowns, seen, cameras, physics, space, air):
                 new = _accumulate(unknowns, prior, seen, excess, space)
@@ -417,7 +416,7 @@ def _converge(
 
 
 @njit(cache=True)
-def fit(
+def fit_window(
     unknowns: Array, prior: Prior, seen: Measurements, cameras: Array, physics: Array, gates: Array, space: Workspace, excess: float
 ) -> float:
     """Fit the unknowns to the measurements in the window, and choose which measurements are used.
@@ -443,7 +442,7 @@ def fit(
         return math.nan
     _admit(seen, gates, excess, space.covariance, space)
     learns = prior.spin_shape[0, 0] > 0.0
-    for k in range(ROUNDS):
+    for k in range(MOST_ROUNDS):
         if learns:
             _learn_spin_variance(unknowns, prior, seen, excess, space)
         if not _converge(unknowns, prior, seen, cameras, physics, excess, space, air):
@@ -455,7 +454,7 @@ def fit(
             space.normal[WX : WX + 3, WX : WX + 3] += prior.spin_shape / prior.spin_variance - prior.information[WX : WX + 3, WX : WX + 3]
         space.covariance[:] = invert(space.normal)
         changed = _expel(seen, gates, excess, space)
-        if k < ROUNDS - 1 and not changed:
+        if k < MOST_ROUNDS - 1 and not changed:
             changed = _admit(seen, gates, excess, space.covariance, space)
         if not changed and not different:
             break

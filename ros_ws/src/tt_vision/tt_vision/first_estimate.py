@@ -17,26 +17,25 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from tt_core.arrays import Array, Image
 from tt_core.constants import BALL_RADIUS
 from tt_core.failures import Failure
-from tt_core.states import Array
 
 from .camera import Camera
-from .capture.burst import BallDetection, Burst, Image
+from .capture.burst import BallDetection, Burst
 from .detection.ball_detection import fit_outline
 from .detection.illumination import GLOSS, CalibratedLamps, Illumination, fit_illumination, image_gain, lamp_illumination
 from .motion_fit import VAGUE_OUTLINE, BallMotion, fit_motion, fit_motion_to_outlines
 from .projection import ray, unpack_camera
 from .spin.coarse_search import DENSE_TURN
 from .spin.estimate import SpinReason
-from .spin.registration import DEFAULT, Proposal, Registration, SearchParams, propose, register
+from .spin.registration import DEFAULT_SEARCH, Proposal, Registration, SearchParams, propose, register
 from .spin.soft_surface import SoftSurface, cut_out_halved, halved_views, soft_surface
-from .spin.surface_map import VIEW, divide_light, motion_views, pixel_normals, view_middles
+from .spin.surface_map import BORDER, VIEW, divide_light, motion_views, pixel_normals, view_middles
 
 SEARCHED = 3  # number of frames with which the spin is searched before the burst is complete; the result is confirmed with all frames
-BORDER = 4  # pixels, width of the border around the ball that is cut out with it
 GROWTH = 1.1  # factor by which the ball may grow in the image from the first frame on before all frames are cut out again
-MOST_SHIFT = 1.0  # pixels between the circle in one image and the fitted motion above which the ball is cut out again
+MOST_CIRCLE_SHIFT = 1.0  # pixels between the circle in one image and the fitted motion above which the ball is cut out again
 LEAST_CONTRAST = (
     0.004  # variance of the brightness (white is 1) below which the ball has no marks: without marks it reaches 0.0005, with 2 % 0.006
 )
@@ -92,13 +91,13 @@ class _Frame:
     weights: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
-class FirstLook:
+class FirstEstimator:
     """Takes the frames of one burst (the images of one ball's passage) as they arrive, and makes the first estimate of motion and spin."""
 
     def __init__(
         self,
         cameras: Sequence[Camera],
-        search: SearchParams = DEFAULT,
+        search: SearchParams = DEFAULT_SEARCH,
         lamps: CalibratedLamps | None = None,
         executor: Executor | None = None,
     ) -> None:
@@ -167,7 +166,7 @@ class FirstLook:
         if isinstance(motion, Failure):
             return FirstEstimate(None, None, None, None, motion)
         views = motion_views(motion, burst)
-        if np.abs(view_middles(views) - circles[..., :2].reshape(-1, 2)).max() > MOST_SHIFT:
+        if np.abs(view_middles(views) - circles[..., :2].reshape(-1, 2)).max() > MOST_CIRCLE_SHIFT:
             self._cut_out_again(views)
         elif self._light is None:
             self._light_up()
@@ -276,10 +275,10 @@ class FirstLook:
         return out.reshape(-1, *first.shape[1:])
 
 
-def look_at(
-    burst: Burst, search: SearchParams = DEFAULT, lamps: CalibratedLamps | None = None, executor: Executor | None = None
-) -> FirstLook:
-    """Create a `FirstLook` and add all frames of a complete burst to it.
+def estimator_of(
+    burst: Burst, search: SearchParams = DEFAULT_SEARCH, lamps: CalibratedLamps | None = None, executor: Executor | None = None
+) -> FirstEstimator:
+    """Create a `FirstEstimator` and add all frames of a complete burst to it.
 
     Args:
         burst: A burst (the images of one ball's passage) with cameras and detections; every image shows the whole ball.
@@ -287,10 +286,10 @@ def look_at(
         lamps: Calibrated lamps; None if the light is to be fitted to the images.
         executor: Runs the search for the spin while further frames are added; None if it is to run in between.
     """
-    look = FirstLook(burst.cameras, search, lamps, executor)
+    estimator = FirstEstimator(burst.cameras, search, lamps, executor)
     for k, time in enumerate(burst.times.tolist()):
-        look.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
-    return look
+        estimator.add(time, [stack[k] for stack in burst.images], [row[k] for row in burst.detections])
+    return estimator
 
 
 def _still_views(cameras: Sequence[Camera]) -> np.ndarray:

@@ -8,14 +8,14 @@ from tt_core.constants import RPM
 from tt_eval.synthetic_bursts import bursts
 from tt_sim.render import Texture
 from tt_vision.detection.ball_detection import detect_balls
-from tt_vision.first_look import SEARCHED, FirstLook, look_at
+from tt_vision.first_estimate import SEARCHED, FirstEstimator, estimator_of
 from tt_vision.measure import first_measurement, measure_burst
 from tt_vision.motion_fit import MotionReason
 from tt_vision.spin import SpinReason
 
 
 def first(burst, **options):
-    return first_measurement(burst, look_at(burst, **options).estimate(burst))
+    return first_measurement(burst, estimator_of(burst, **options).estimate(burst))
 
 
 def test_it_is_good_enough_to_start_a_swing():
@@ -35,15 +35,15 @@ def test_its_covariance_covers_the_error(film):
 
 def test_a_measurement_goes_on_from_it(rendered):
     burst = rendered.burst
-    one, other = measure_burst(burst), measure_burst(burst, first=look_at(burst).estimate(burst))
+    one, other = measure_burst(burst), measure_burst(burst, first=estimator_of(burst).estimate(burst))
     assert other.ball.vector == pytest.approx(one.ball.vector, abs=1e-12)
 
 
 def test_a_search_beside_the_frames_finds_the_same(rendered):
     burst = rendered.burst
     with ThreadPoolExecutor(1) as executor:
-        beside = look_at(burst, executor=executor).estimate(burst)
-    assert np.array_equal(beside.found.spin, look_at(burst).estimate(burst).found.spin)
+        beside = estimator_of(burst, executor=executor).estimate(burst)
+    assert np.array_equal(beside.found.spin, estimator_of(burst).estimate(burst).found.spin)
 
 
 def test_three_frames_are_enough(rendered):
@@ -56,7 +56,7 @@ def test_a_ball_that_grows_is_cut_out_anew(film):
     """One that flies towards the cameras for 12 frames, every third of them."""
     shot = film(3, count=24, velocity=[0.5, 4.0, 0.2])
     burst = shot.burst.only(range(0, 24, 4))
-    look = look_at(burst)
+    look = estimator_of(burst)
     assert look.estimate(burst).motion is not None
     assert np.linalg.norm(look.estimate(burst).motion.velocity - shot.ball.velocity) < 0.5
 
@@ -68,4 +68,4 @@ def test_what_cannot_be_estimated_has_a_reason(film, scene, rendered):
 
 
 def test_no_frame_is_needed_to_begin(rendered):
-    assert FirstLook(rendered.cameras).times == []
+    assert FirstEstimator(rendered.cameras).times == []
