@@ -52,7 +52,7 @@ def test_what_is_old_does_not_count():
     offsets = ClockOffsets()
     exchange(offsets, "camera", NOW, 0.5, 0.0, 0.0)
     assert offsets.offset("camera", NOW + OFFSET_WINDOW - 0.1) is not None
-    for later in (NOW + OFFSET_WINDOW + 0.1, NOW - OFFSET_WINDOW - 0.1):  # also when our own clock was set back
+    for later in (NOW + OFFSET_WINDOW + 0.1, NOW - OFFSET_WINDOW - 0.1):  # the second: this computer's clock was set back
         assert offsets.offset("camera", later) is None and offsets.worst(later) is None
 
 

@@ -1,4 +1,4 @@
-"""Lost messages are counted, and publishers that come, go or take turns are no loss."""
+"""Lost messages are counted; publishers that appear, disappear or alternate do not count as losses."""
 
 from hypothesis import given
 from hypothesis import strategies as st

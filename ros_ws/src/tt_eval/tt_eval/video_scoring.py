@@ -33,7 +33,7 @@ LEAST_POSITIONS = 5  # least number of positions of a flight
 SCATTER = 2.0e-3  # m, standard deviation of a position, for the weight of PRIOR_SPIN: that of bad cameras
 FIRST_SPAN = 3  # frames over which the first estimate of the velocity is taken
 PRIOR_SPIN = 300.0  # rad/s, prior standard deviation of the spin of any ball: bounds the part that the flight does not show
-MOST_PLAYED_SPIN = 1500.0  # rad/s about each axis, more than in real play
+MOST_PLAYED_SPIN = 1500.0  # rad/s, largest spin about each axis that is considered; real play stays below it
 ITERATIONS, JACOBIAN_ITERATIONS = 5, 3  # number of Gauss-Newton iterations, and of the first ones that compute the Jacobian
 
 

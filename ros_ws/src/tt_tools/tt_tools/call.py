@@ -63,4 +63,4 @@ def _wait(client: Any) -> None:
         print("waiting for service to become available...", flush=True)
     while not client.wait_for_service(0.1):
         if time.monotonic() > end:
-            raise TtError(f"no node has served {client.srv_name} for {APPEARANCE_TIMEOUT:g} s")
+            raise TtError(f"no node offers the service {client.srv_name}; waited {APPEARANCE_TIMEOUT:g} s for one")

@@ -224,7 +224,7 @@ class EstimateNode(Node):
         if self.estimator is None or len(self.estimator.times) == len(pairs):
             return
         newest, times = pairs[-1], self.estimator.times
-        if len(times) != len(pairs) - 1 or any(time >= newest.time for time in times):  # they came in disorder
+        if len(times) != len(pairs) - 1 or any(time >= newest.time for time in times):  # they arrived out of order
             self.estimator = None
             return
         self.estimator.add(newest.time, [one.image for one in newest.seen], [one.detection for one in newest.seen])

@@ -35,7 +35,7 @@ class ArmPose:
             raise TtError(f"the robot description cannot be read: {error}") from error
         missing = [name for name in joint_names if not self._model.existJointName(name)]
         if missing or not self._model.existFrame(RACKET_LINK):
-            raise TtError(f"the robot description has no {', '.join([*missing, RACKET_LINK][:3])}")
+            raise TtError(f"the robot description has no joint or link named {', '.join([*missing, RACKET_LINK][:3])}")
         self._data = self._model.createData()
         self._joints = [self._model.joints[self._model.getJointId(name)] for name in joint_names]
         self._ids = [self._model.getJointId(name) for name in joint_names]

@@ -32,7 +32,7 @@ from .presence import Presence
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
 EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
-OWN_EXIT_TIMEOUT = 15.0  # s if it ends by itself: its exit code tells why, and a busy machine needs more than 2 s for it
+OWN_EXIT_TIMEOUT = 15.0  # s that it may take if it ends by itself; longer, because its exit code, which tells why, must not be lost
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
@@ -48,8 +48,9 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     node ends the process after `close`, with one line and exit code 1; the traceback is logged at the level DEBUG. Threads must end with
     the context; their errors after the end of the context are ignored.
 
-    Sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the global interpreter lock (GIL). So this
-    signal ends a process that has received one 2 s after `close`, and SIGTERM one that ends by itself after 15 s.
+    Sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the global interpreter lock (GIL). Therefore
+    the end is bounded: a process that has received a signal is ended by this signal 2 s after `close`; a process that ends by itself is
+    ended by SIGTERM after 15 s.
 
     Args:
         make: Returns the node.
@@ -88,7 +89,8 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
     except Exception as error:
         crashes.append(error)
     finally:
-        end_by_signal(*((received[0], EXIT_TIMEOUT) if received else (signal.SIGTERM, OWN_EXIT_TIMEOUT)))
+        number, timeout = (received[0], EXIT_TIMEOUT) if received else (signal.SIGTERM, OWN_EXIT_TIMEOUT)
+        end_by_signal(number, timeout)
         rclpy.try_shutdown()
         _join_threads()
         _print_crashes(node, crashes)

@@ -46,7 +46,7 @@ EDGE_DEPTHS = 6  # number of outermost samples inside the outline whose mean, we
 LEAST_RATIO = 0.2  # least brightness of the image, relative to the expected one
 MOST_EDGE_SHIFT = 3.0  # pixels, largest distance of the edge from where it is expected
 RAGGED = 1.5 * SMOOTH  # relative deviation from the expected brightness that divides a point's weight by four
-EDGE_PASSES = 3  # number of times the edge along one ray is determined, each time with the brightness inside the last edge
+EDGE_PASSES = 3  # times that the edge along a ray is located; each time uses the brightness just inside the edge found before
 
 
 class ExpectedEdge(NamedTuple):
