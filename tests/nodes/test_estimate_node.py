@@ -23,7 +23,7 @@ from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
 from tt_core.states import BallState
 from tt_sim.cameras.camera_sequence import camera_sequence
 from tt_sim.render import Scene
-from tt_vision.detection.lens_correction import LensReason
+from tt_vision.detection.lens_correction import UndistortionFailure
 from tt_vision.estimate_node import BurstReason
 from tt_vision.rig import high_speed_pair
 
@@ -121,7 +121,7 @@ BAD_INFOS = {
     "too large": (lambda: changed(good_info(0), height=2**31), out_of_range(value=2.0**31)),
     "model": (lambda: changed(good_info(0), distortion_model="soap bubble"), Failure(MessageFailure.OTHER_MODEL, model="soap bubble")),
     "number": (lambda: changed(good_info(0), d=[0.1] * 7), Failure(MessageFailure.COEFFICIENT_COUNT, count=7)),
-    "folded": (lambda: changed(good_info(0), d=[-1e6, 0.0, 0.0, 0.0, 0.0]), Failure(LensReason.CANNOT_UNDISTORT)),
+    "folded": (lambda: changed(good_info(0), d=[-1e6, 0.0, 0.0, 0.0, 0.0]), Failure(UndistortionFailure.CANNOT_UNDISTORT)),
     "binned": (lambda: changed(good_info(0), binning_x=2), Failure(MessageFailure.BINNED, x=2)),
     "region": (lambda: changed(good_info(0), roi=RegionOfInterest(x_offset=200, width=100, height=100)), out_of_range(value=300.0)),
     "oversize": (lambda: changed(good_info(0), d=[0.0] * 10**4), Failure(MessageFailure.TOO_LARGE)),

@@ -10,13 +10,11 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 from ament_index_python.packages import get_package_share_directory
-from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from scipy.spatial.transform import Rotation
@@ -26,8 +24,9 @@ from tt_arm.model import base_placement
 from tt_core.errors import TtError
 from tt_core.params import params_from_values
 from tt_core.robots import read_arm
-from tt_core.ros.bags import TYPESTORE, Bag, Message, bag_files
+from tt_core.ros.bags import TYPESTORE, Bag, Message
 from tt_tools.bagfile import BagFile
+from tt_tools.describe import attachments
 from tt_vision.estimate_node import read_poses
 from tt_vision.rig import SIDES
 
@@ -74,16 +73,6 @@ def node_parameters(text: str) -> dict[str, dict[str, Any]]:
         return {node.rpartition("/")[2]: dict(flat(entry["ros__parameters"])) for node, entry in content.items()}
     except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
         raise TtError(f"no parameter file: {' '.join(str(error).split())}") from error
-
-
-def attachments(path: Path) -> dict[str, bytes]:
-    """Return the content of each attachment of a bag by name; empty for a bag that is not MCAP."""
-    found: dict[str, bytes] = {}
-    for file in bag_files(path):
-        if file.suffix == ".mcap":
-            with file.open("rb") as stream, suppress(Exception):  # a file without an index has no attachments
-                found |= {attachment.name: attachment.data for attachment in make_reader(stream).iter_attachments()}
-    return found
 
 
 def all_parameters(attached: Mapping[str, bytes], files: Sequence[Path]) -> dict[str, dict[str, Any]]:

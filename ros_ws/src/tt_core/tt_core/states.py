@@ -12,6 +12,8 @@ from .errors import BadShape, TtError, ValueFailure, check_array, check_range
 from .interpolate import interpolate_states
 from .path_end import PathEnd
 
+UNKNOWN_VARIANCE = 1e6  # variance of each component of a position, velocity or spin that is not known, in its unit squared
+
 _set = object.__setattr__  # of frozen dataclasses
 _ROW_POSITION, _ROW_VELOCITY, _ROW_SPIN = slice(1, 4), slice(4, 7), slice(7, 10)  # columns of a path (n, 10); column 0 is the time
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from tt_core.ros.bags import Bag, Topic, bag_files
 
@@ -64,18 +64,24 @@ def describe_bag(path: Path, *, sizes: bool = False) -> BagDescription:
             for message in bag.messages():
                 bytes_of[message.topic] += len(message.data)
         storage = STORAGES[Path(files[0].name.removesuffix(".zstd")).suffix]
-        attachments = [name for file in files if file.suffix == ".mcap" for name in _attachments(file)]
         counted = bytes_of if sizes else {}
-        return BagDescription([f.name for f in files], storage, bag.size, bag.start, bag.end, bag.topics, counted, attachments, losses)
+        return BagDescription(
+            [f.name for f in files], storage, bag.size, bag.start, bag.end, bag.topics, counted, list(attachments(Path(path))), losses
+        )
 
 
-def _attachments(file: Path) -> list[str]:
-    with file.open("rb") as stream:
-        try:
-            summary = make_reader(stream).get_summary()
-        except McapError:
-            return []
-    return [index.name for index in summary.attachment_indexes] if summary else []
+def attachments(path: Path) -> dict[str, bytes]:
+    """Return the content of each attachment of a bag by name; empty for a bag that is not MCAP, or that has no index.
+
+    Raises:
+        BagError: The path is no bag.
+    """
+    found: dict[str, bytes] = {}
+    for file in bag_files(path):
+        if file.suffix == ".mcap":
+            with file.open("rb") as stream, suppress(Exception):  # a damaged file has none
+                found |= {attachment.name: attachment.data for attachment in make_reader(stream).iter_attachments()}
+    return found
 
 
 def lines(found: BagDescription, sort: str = "name") -> Iterator[str]:

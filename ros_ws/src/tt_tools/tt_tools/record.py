@@ -223,7 +223,7 @@ class Recording:
         try:
             self._bag.make_room(len(sample.data), sample.time)
         except OSError as error:
-            self._full, self._retry = Failure(DiskFailure.FULL, error=error.strerror, errno=error.errno), time.monotonic() + RETRY
+            self._wait_for_room(error)
             return False
         self._full = None
         try:
@@ -232,6 +232,11 @@ class Recording:
             self._broken = Failure(DiskFailure.FAILED, error=error, errno=error.errno)
         return not self._broken
 
+    def _wait_for_room(self, error: OSError) -> None:
+        """Keep that the disk is full, and when to try again."""
+        self._full = Failure(DiskFailure.FULL, error=error.strerror, errno=error.errno)
+        self._retry = time.monotonic() + RETRY
+
     def _attach(self, attachment: _Attachment) -> None:
         """Write an attachment to the bag. It is left out if the disk is full."""
         if self._broken or self._over:
@@ -239,4 +244,4 @@ class Recording:
         try:
             self._bag.attach(*attachment)
         except OSError as error:
-            self._full, self._retry = Failure(DiskFailure.FULL, error=error.strerror, errno=error.errno), time.monotonic() + RETRY
+            self._wait_for_room(error)

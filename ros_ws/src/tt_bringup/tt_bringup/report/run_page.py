@@ -13,8 +13,9 @@ from typing import Any
 from markupsafe import Markup
 from tt_core.errors import TtError
 from tt_eval.page import Section, Table, figure_data, html_page, script_call, write_page
+from tt_tools.describe import attachments
 
-from ..reprocess import all_parameters, attachments, recorded_description
+from ..reprocess import all_parameters, recorded_description
 from .arm_pose import ArmPose
 from .ball_images import BallImages, read_ball_images
 from .figures import from_above, from_the_side, joint_figures, landings, latencies, prediction_error

@@ -22,9 +22,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJ
 from ..errors import BadMessage, BadShape, MessageFailure, NotFinite, OutOfRange, check_array, check_range
 from ..images import MOST_PIXELS, grey_image
 from ..lens import rational_from_fisheye
-from ..states import Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
-
-UNKNOWN_VARIANCE = 1e6  # variance of a quantity that is not known
+from ..states import UNKNOWN_VARIANCE, Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
 
 # Bounds of the numbers in messages, far above what occurs in table tennis. A message beyond them is refused before anything is computed.
 PLACE = 100.0  # m, of each coordinate: no hall is larger

@@ -32,7 +32,7 @@ GRID = 9  # number of points along each side of the image at which a lens is che
 _PRECISE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
 
 
-class LensReason(Enum):
+class UndistortionFailure(Enum):
     """Why the distortion of a lens cannot be corrected."""
 
     CANNOT_UNDISTORT = "distortion {distortion} cannot be undone at pixel {pixel}: off by {off:.3g} pixels"
@@ -49,7 +49,7 @@ class CannotUndistort(TtError):
             pixel: (2,) pixels, where the inverse has its largest error.
             off: This error, pixels.
         """
-        super().__init__(LensReason.CANNOT_UNDISTORT, distortion=distortion, pixel=pixel, off=off)
+        super().__init__(UndistortionFailure.CANNOT_UNDISTORT, distortion=distortion, pixel=pixel, off=off)
         self.distortion, self.pixel, self.off = distortion, pixel, off
 
 

@@ -11,7 +11,7 @@ from enum import Enum
 
 import numpy as np
 from tt_core.failures import Failure
-from tt_core.states import Array
+from tt_core.states import UNKNOWN_VARIANCE, Array
 
 from .registration import GATE, LEAST_DISTINCTNESS, Registration
 
@@ -21,7 +21,6 @@ RELATIVE_NOISE_FLOOR = 5.5e-4  # relative to the spin
 CORRELATED = 1.5  # how often the least-squares fit counts each pixel, because neighbouring points share pixels
 # factors on both; the second one if outlines were not found again
 CALIBRATED_LIGHT_NOISE, NOT_REFINED_NOISE, ONE_CAMERA_NOISE = 0.75, 1.5, 3.0
-UNKNOWN_SPIN_VARIANCE = 1e6  # (rad/s)^2, variance of a spin that is not known
 
 
 class SpinReason(Enum):
@@ -64,7 +63,7 @@ class SpinEstimate:
             residual: See `SpinEstimate.residual`.
             iterations: See `SpinEstimate.iterations`.
         """
-        return cls(np.zeros(3), UNKNOWN_SPIN_VARIANCE * np.eye(3), residual, reason, iterations)
+        return cls(np.zeros(3), UNKNOWN_VARIANCE * np.eye(3), residual, reason, iterations)
 
     @classmethod
     def not_believed(cls, found: Registration) -> SpinEstimate:
@@ -93,7 +92,7 @@ class SpinEstimate:
             residual: See `SpinEstimate.residual`.
             iterations: See `SpinEstimate.iterations`.
         """
-        return cls(spin, UNKNOWN_SPIN_VARIANCE * np.eye(3), residual, None, iterations)
+        return cls(spin, UNKNOWN_VARIANCE * np.eye(3), residual, None, iterations)
 
 
 def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool) -> SpinEstimate:
