@@ -48,6 +48,11 @@ def test_a_closed_worker_renders_no_more(hire):
     assert worker.render("top", 3) is None
 
 
+def test_a_library_that_prints_does_not_disturb(hire, monkeypatch):
+    monkeypatch.setenv("NUMBA_DEBUG_CACHE", "1")  # numba prints a line for each function that it loads
+    assert hire(LaunchRenderer()).render("top", 3).images
+
+
 def test_a_worker_that_has_ended_is_told(hire):
     worker = hire(LaunchRenderer())
     worker._process.kill()

@@ -150,13 +150,15 @@ class RenderWorker:
 def main() -> None:
     """Render the launches that are requested on standard input, until it ends."""
     set_nice(NICE)  # the simulator itself runs above the usual priority
+    launches = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not get between the launches
     try:
         renderer: LaunchRenderer = pickle.load(sys.stdin.buffer)
         scene, rng = Scene(texture=Texture.drawn(renderer.seed)), np.random.default_rng(renderer.seed)
         while True:
             kind, scale = pickle.load(sys.stdin.buffer)
-            pickle.dump(renderer.render(kind, scale, scene, rng), sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
-            sys.stdout.buffer.flush()
+            pickle.dump(renderer.render(kind, scale, scene, rng), launches, pickle.HIGHEST_PROTOCOL)
+            launches.flush()
     except (EOFError, BrokenPipeError, pickle.UnpicklingError):  # an order that was cut short is unpickled to the last
         os._exit(0)  # without a last try to flush
 
