@@ -9,6 +9,8 @@ from typing import Any
 
 from .errors import BadChoice, BadShape, TtError, check_range
 
+_TYPES = {bool: "true or false", int: "an integer", float: "a number", str: "a text", tuple: "a list"}  # for people
+
 
 def param(
     default: Any,
@@ -98,7 +100,7 @@ def coerce(name: str, value: Any, default: Any) -> Any:
     if kind is tuple and hasattr(value, "__len__") and not isinstance(value, (str, bytes)):
         return tuple(coerce(f"{name}[{i}]", v, default[0]) if default else v for i, v in enumerate(value))
     if not isinstance(value, kind):
-        raise TtError(f"parameter {name} = {value!r} is not of type {kind.__name__}")
+        raise TtError(f"parameter {name} = {value!r}: wanted {_TYPES[kind]}, e.g. {list(default) if kind is tuple else default!r}")
     return value
 
 
