@@ -12,6 +12,7 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock
@@ -313,6 +314,11 @@ class ArmNode(Node):
         if worst is not None and worst.least > self.clock_offset:
             return Failure(ArmStop.CLOCK_OFFSET, source=worst.source, offset=worst.offset, bound=self.clock_offset)
         return None
+
+    @property
+    def kept_parameters(self) -> dict[str, Any] | None:
+        """Parameters that a new process gets after a standstill: an enabled arm stays enabled. None while the arm is latched."""
+        return None if self.control.guard.latched else {"enabled": self.control.enabled}
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Serve arm/enable: switch the motion of the arm on or off."""

@@ -151,6 +151,7 @@ class RecordNode(Node):
         super().__init__("record", enable_rosout=False, start_parameter_services=False)
         params = declare(self, RecordParams)
         output = time.strftime("bags/%Y-%m-%d_%H-%M-%S") if params.output == "auto" else params.output
+        self.kept_parameters: dict[str, Any] | None = {} if params.numbered else None  # a new process needs a new directory
         if params.numbered:
             output = free_name(output)
         topics, excluded = (tuple(map(self.resolve_topic_name, names)) for names in (params.topics, params.exclude_topics))

@@ -11,6 +11,7 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rclpy.duration import Duration
@@ -110,6 +111,7 @@ class CameraNode(Node):
                 self.calibrations[side] = calibration
         self.status = Status(self, hardware=f"{self.source.kind} {self.source.path}")
         self.recorded = self.source.kind != "device"
+        self.kept_parameters: dict[str, Any] | None = None if self.recorded else {}  # a recording would begin anew
         qos = RECORDED if self.recorded else SENSOR
         self.images = [self.create_publisher(Image, f"camera/{name}/image_raw", qos) for name in SIDES]
         self.infos = [self.create_publisher(CameraInfo, f"camera/{name}/camera_info", LATCHED) for name in SIDES]

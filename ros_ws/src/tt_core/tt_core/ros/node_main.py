@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -29,6 +30,7 @@ from ..revision import package_version
 from ..start import SIGNALS, default_signals
 from .params import changed_parameters
 from .presence import Presence
+from .restart import changeable_parameters, restart, watch_standstill
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
 EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
@@ -43,6 +45,10 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
 
     When the node is ready it logs one line with its version and the parameters that differ from the defaults. A node may add to this line
     by an attribute `about`. A node whose name begins with _ logs nothing.
+
+    A process that has stood still for so long that other nodes may have removed it from discovery is replaced by a new one with the same
+    command and the present parameters: after such a standstill Fast DDS sometimes never connects some publishers and subscriptions again. A
+    node whose attribute `kept_parameters` is None goes on instead. Otherwise these parameters, by name, are given to the new process, too.
 
     Bad parameters, a TtError raised by `make`, end the process with one line and exit code 2. An exception in a callback or a thread of the
     node ends the process after `close`, with one line and exit code 1; the traceback is logged at the level DEBUG. Threads must end with
@@ -79,7 +85,17 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
             asked.set_result(None)
 
     threading.excepthook = on_thread_exception
+    kept = list[dict[str, Any]]()  # parameters of the process that is to replace this one
+
+    def on_standstill(seconds: float) -> None:
+        parameters = getattr(node, "kept_parameters", {})
+        if parameters is not None:
+            node.get_logger().warning(f"stood still for {seconds:.1f} s, for which other nodes may have lost this one: it starts anew")
+            kept.append(changeable_parameters(node) | parameters)
+            asked.set_result(None)
+
     Presence(node)
+    watch_standstill(node, on_standstill)
     _set_realtime(priority, is_nice)
     _log_ready(node)
     received = list[int]()
@@ -97,6 +113,8 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
+    if kept and not received:
+        restart(kept[0])
 
 
 def _log_ready(node: Node) -> None:

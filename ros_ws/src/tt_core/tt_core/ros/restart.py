@@ -1,0 +1,66 @@
+"""Restart of a process after a standstill, because other nodes may have lost it."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import yaml
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from ..start import SIGNALS
+
+CHECK_INTERVAL = 0.25  # s between two checks
+LONGEST_STANDSTILL = 1.5  # s; DDS removes a participant after 2 s without a message, and each sends one every 0.3 s
+BUSY_SHARE = 0.3  # of that time; a process that computes for a larger share does not stand still
+MOST_FILES = 4096  # a process has fewer open files
+
+
+def watch_standstill(node: Node, stood_still: Callable[[float], None]) -> None:
+    """Call a function when the process has stood still for longer than LONGEST_STANDSTILL, as after SIGSTOP or without a free core.
+
+    Args:
+        node: A node that is going to be spun.
+        stood_still: It receives the duration of the standstill, s.
+    """
+    last: tuple[float, float] | None = None  # time and time spent computing at the last check, s
+
+    def check() -> None:
+        nonlocal last
+        now = time.monotonic(), time.process_time()
+        passed, computed = (new - old for new, old in zip(now, last or now, strict=True))
+        last = now
+        if passed > LONGEST_STANDSTILL and computed < BUSY_SHARE * passed:
+            stood_still(passed)
+
+    node.create_timer(CHECK_INTERVAL, check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def changeable_parameters(node: Node) -> dict[str, Any]:
+    """Return the values of those parameters of a node that can be changed at run time, by name, without empty lists."""
+    names = list(node.get_parameters_by_prefix(""))
+    read_only = [descriptor.read_only for descriptor in node.describe_parameters(names)]
+    values = [parameter.value for parameter in node.get_parameters(names)]
+    plain = [list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value for value in values]
+    return {name: value for name, value, fixed in zip(names, plain, read_only, strict=True) if not fixed and value not in (None, [])}
+
+
+def restart(parameters: Mapping[str, Any]) -> None:
+    """Replace the process by a new one with the same command, and some parameters with other values. It does not return.
+
+    Args:
+        parameters: Values by name, which override those of the command.
+    """
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={yaml.safe_dump(value, default_flow_style=True, width=math.inf).splitlines()[0]}"]
+    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # the new process unblocks them when it can answer, see `tt_core.start`
+    os.closerange(3, MOST_FILES)  # sockets of DDS would stay open
+    os.execv(sys.executable, [*sys.orig_argv, *arguments])
