@@ -95,13 +95,12 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
             asked.set_result(None)
 
     Presence(node)
-    watch_standstill(node, on_standstill)
     _set_realtime(priority, is_nice)
     _log_ready(node)
     received = list[int]()
     try:
         with _signals(asked, received):
-            _spin(node, asked)
+            _spin(node, asked, on_standstill)
     except Exception as error:
         crashes.append(error)
     finally:
@@ -178,12 +177,13 @@ def _made(make: Callable[[], Node]) -> Node | None:
         return None
 
 
-def _spin(node: Node, asked: Future) -> None:
+def _spin(node: Node, asked: Future, on_standstill: Callable[[float], None]) -> None:
     gc.collect()
     gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
     executor = EventsExecutor()
     try:
         executor.add_node(node)
+        watch_standstill(node, on_standstill)
         with suppress(ExternalShutdownException):  # the node itself ended the context
             while not asked.done():  # waits without a timeout never dispatch in rclpy 7.1.6
                 executor.spin_until_future_complete(asked, 3600.0)

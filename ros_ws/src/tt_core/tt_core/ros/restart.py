@@ -27,15 +27,15 @@ def watch_standstill(node: Node, stood_still: Callable[[float], None]) -> None:
     """Call a function when the process has stood still for longer than LONGEST_STANDSTILL, as after SIGSTOP or without a free core.
 
     Args:
-        node: A node that is going to be spun.
+        node: A node that is spun at once.
         stood_still: It receives the duration of the standstill, s.
     """
-    last: tuple[float, float] | None = None  # time and time spent computing at the last check, s
+    last = time.monotonic(), time.process_time()  # s, at the last check
 
     def check() -> None:
         nonlocal last
         now = time.monotonic(), time.process_time()
-        passed, computed = (new - old for new, old in zip(now, last or now, strict=True))
+        passed, computed = (new - old for new, old in zip(now, last, strict=True))
         last = now
         if passed > LONGEST_STANDSTILL and computed < BUSY_SHARE * passed:
             stood_still(passed)
