@@ -139,7 +139,7 @@ def test_it_lives_through_whatever_comes(start, probe, until):
     [
         ("air.drag:=3.0", ("drag", 3, 0, 2)),
         ("physics:=newton", ("physics", "newton", "liu", "measured")),
-        ("until_x:=far", ("until_x", "far", "float")),
+        ("until_x:=far", ("until_x", "far", "-0.8")),
     ],
 )
 def test_a_bad_parameter_ends_it_with_the_reason(start, parameter, named):
