@@ -120,7 +120,8 @@ def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe,
     until(lambda: probe.count_subscribers("/rosout") > 0, probe)
     for number in (signal.SIGINT, signal.SIGTERM):
         recorder.send_signal(number)
-    assert recorder.wait(timeout=10.0) in (0, -signal.SIGTERM)
+    # by a signal that was sent if DDS takes more than 2 s to end
+    assert recorder.wait(timeout=10.0) in (0, -signal.SIGINT, -signal.SIGTERM)
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
