@@ -250,8 +250,8 @@ def test_a_person_stops_the_arm_and_slows_it_down(probe, until, bench, homeward)
 
     assert not scale(1.5)
     assert scale(0.2)
+    bench.moves()
     bench.run(0.5)
-    assert np.any(bench.command != 0.0)
     assert (np.abs(bench.joints.qdot) / MODEL.speed_limits).max() < 0.15 * 0.2 + 0.002
     assert scale(1.0)
     client = probe.create_client(Trigger, "/arm/stop")
