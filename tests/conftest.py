@@ -18,6 +18,7 @@ settings.register_profile(
 )
 settings.load_profile("tests")
 
+LEASE = 2.0  # s, of config/fastdds.xml
 ENDING = 10.0  # s for a node to end; the launcher waits as long before it kills
 SENT = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)  # exit codes by signals that tests send
 
@@ -125,3 +126,16 @@ def until():
             node.executor.spin_once(timeout_sec=0.05)
 
     return until
+
+
+@pytest.fixture
+def stand_still(probe, until):
+    """stand_still(process): stops a process for a little longer than the lease of DDS, while `probe` spins."""
+
+    def stand_still(process):
+        process.send_signal(signal.SIGSTOP)
+        end = time.monotonic() + 1.1 * LEASE
+        until(lambda: time.monotonic() > end, probe)
+        process.send_signal(signal.SIGCONT)
+
+    return stand_still

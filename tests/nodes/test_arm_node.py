@@ -251,6 +251,7 @@ def test_a_person_stops_the_arm_and_slows_it_down(probe, until, bench, homeward)
     assert not scale(1.5)
     assert scale(0.2)
     bench.moves()
+    assert np.any(bench.command != 0.0)
     bench.run(0.5)
     assert (np.abs(bench.joints.qdot) / MODEL.speed_limits).max() < 0.15 * 0.2 + 0.002
     assert scale(1.0)

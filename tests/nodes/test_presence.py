@@ -1,14 +1,11 @@
 """Tests of Presence: a node is known by name again after other nodes may have removed it from discovery."""
 
-import signal
 import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from tt_core.ros.presence import NAME, PRESENCE_CHECK_INTERVAL, STANDSTILL, Presence
 from tt_core.ros.qos import RELIABLE
-
-LEASE = 2.0  # s, of config/fastdds.xml
 
 
 @pytest.fixture
@@ -66,23 +63,18 @@ def test_it_announces_itself_when_a_node_is_gone(probe, until, announced, other)
     announced()
 
 
-def test_a_node_is_known_and_heard_after_two_standstills(start, probe, until):
+def test_a_node_is_known_and_heard_after_two_standstills(start, probe, until, stand_still):
     Presence(probe)
     heard = []
     probe.create_subscription(
         DiagnosticArray, "/diagnostics", lambda message: heard.extend(s.name for s in message.status if "racket" in s.name), RELIABLE
     )
 
-    def lasts(seconds):
-        end = time.monotonic() + seconds
-        until(lambda: time.monotonic() > end, probe)
-
     racket = start("tt_racket.racket_node", "--ros-args")
     until(lambda: heard, probe)
     for _ in range(2):
-        racket.send_signal(signal.SIGSTOP)
-        lasts(1.1 * LEASE)
-        racket.send_signal(signal.SIGCONT)
-        lasts(2.0)
+        stand_still(racket)
+        end = time.monotonic() + 2.0
+        until(lambda end=end: time.monotonic() > end, probe)
     heard.clear()
     until(lambda: heard and "racket" in probe.get_node_names(), probe)

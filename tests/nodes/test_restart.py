@@ -1,14 +1,11 @@
 """Tests of the restart after a standstill: a new process with the present parameters; only an arm that was enabled is enabled."""
 
-import signal
 import time
 
 import pytest
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from std_srvs.srv import SetBool
-
-LEASE = 2.0  # s, of config/fastdds.xml
 
 
 @pytest.fixture
@@ -34,19 +31,6 @@ def parameters(probe, until):
             return [parameter_value_to_python(value) for value in asked.result().values]
 
     return Parameters
-
-
-@pytest.fixture
-def stand_still(probe, until):
-    """Return a function that stops a process for a little longer than the lease of DDS."""
-
-    def stand_still(process):
-        process.send_signal(signal.SIGSTOP)
-        end = time.monotonic() + 1.1 * LEASE
-        until(lambda: time.monotonic() > end, probe)
-        process.send_signal(signal.SIGCONT)
-
-    return stand_still
 
 
 def endpoints(probe, topic):

@@ -9,7 +9,7 @@ from typing import Any
 
 from .errors import BadChoice, BadShape, TtError, check_range
 
-_TYPES = {bool: "true or false", int: "an integer", float: "a number", str: "a text", tuple: "a list"}  # for people
+_TYPES = {bool: "true or false", int: "an integer", float: "a number", str: "a text", tuple: "a list"}  # how errors call the types
 
 
 def param(

@@ -34,7 +34,7 @@ from .restart import changeable_parameters, restart, watch_standstill
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
 EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
-OWN_EXIT_TIMEOUT = 15.0  # s that it may take if it ends by itself; longer, because its exit code, which tells why, must not be lost
+OWN_EXIT_TIMEOUT = 15.0  # s that a process may take to end by itself. A signal would hide its exit code, so this is longer
 
 
 def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
@@ -85,7 +85,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
             asked.set_result(None)
 
     threading.excepthook = on_thread_exception
-    kept = list[dict[str, Any]]()  # parameters of the process that is to replace this one
+    kept = list[dict[str, Any]]()  # parameter values for the restart after a standstill; empty if there is none
 
     def on_standstill(seconds: float) -> None:
         parameters = getattr(node, "kept_parameters", {})

@@ -20,7 +20,7 @@ from ..start import SIGNALS
 CHECK_INTERVAL = 0.25  # s between two checks
 LONGEST_STANDSTILL = 1.5  # s; DDS removes a participant after 2 s without a message, and each sends one every 0.3 s
 BUSY_SHARE = 0.3  # of that time; a process that computes for a larger share does not stand still
-MOST_FILES = 4096  # a process has fewer open files
+MOST_FILES = 4096  # file descriptors below this number are closed before the new program starts; a node has about 200
 
 
 def watch_standstill(node: Node, stood_still: Callable[[float], None]) -> None:
@@ -44,7 +44,13 @@ def watch_standstill(node: Node, stood_still: Callable[[float], None]) -> None:
 
 
 def changeable_parameters(node: Node) -> dict[str, Any]:
-    """Return the values of those parameters of a node that can be changed at run time, by name, without empty lists."""
+    """Return the present values of the parameters that can be changed at run time, by name.
+
+    Parameters that are not set and empty lists are left out, because they cannot be given on the command line.
+
+    Args:
+        node: The node that has the parameters.
+    """
     names = list(node.get_parameters_by_prefix(""))
     read_only = [descriptor.read_only for descriptor in node.describe_parameters(names)]
     values = [parameter.value for parameter in node.get_parameters(names)]
@@ -53,14 +59,14 @@ def changeable_parameters(node: Node) -> dict[str, Any]:
 
 
 def restart(parameters: Mapping[str, Any]) -> None:
-    """Replace the process by a new one with the same command, and some parameters with other values. It does not return.
+    """Replace the program of this process by the same program, started again with the same command. This function does not return.
 
     Args:
-        parameters: Values by name, which override those of the command.
+        parameters: Values by name. They are added to the command and override the values that are given there.
     """
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={yaml.safe_dump(value, default_flow_style=True, width=math.inf).splitlines()[0]}"]
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # the new process unblocks them when it can answer, see `tt_core.start`
-    os.closerange(3, MOST_FILES)  # sockets of DDS would stay open
+    os.closerange(3, MOST_FILES)  # sockets that DDS has left open would stay open in the new program
     os.execv(sys.executable, [*sys.orig_argv, *arguments])
