@@ -8,13 +8,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
-from tt_arm.reach import Reach, adjust, reach
-from tt_arm.swing import LONGEST_LEG, PROFILE_NAMES, REST_SPEED, SwingFailure, SwingLimits, SwingTask, append_return, plan
+from tt_arm.reach import adjust, reach
+from tt_arm.swing import PROFILE_NAMES, REST_SPEED, SwingFailure, SwingLimits, SwingTask, append_return, plan
 from tt_arm.trajectory.legs import make_leg
 from tt_arm.trajectory.path_check import path_failure
 from tt_arm.trajectory.torque import torque_shares
 from tt_core.errors import BadChoice, BadShape
-from tt_core.failures import Failure
 from tt_core.states import RacketState
 
 MODEL = ArmModel.pa10()
@@ -106,17 +105,16 @@ def test_a_path_beyond_a_limit_is_told():
         assert failure.values["share"] > 1.0
 
 
-def test_an_arm_too_slow_to_return_stops_where_it_is():
-    limits = SwingLimits(speed_share=0.01)
-    start = Joints(5.0, MODEL.waiting - 0.5, 0.01 * MODEL.speed_limits)
-    swing = plan(MODEL, start, None, 5.0, limits)
-    assert swing.reason is None
-    q, qdot = swing.sample(swing.end_time + 1.0)
-    assert np.array_equal(qdot, np.zeros(7))
-    assert q == pytest.approx(start.q, abs=1e-3)
-    still = Reach(MODEL.waiting - 0.5, np.zeros(7), 0.0, 0.0, None)
-    there = Joints(100.0, still.q, np.zeros(7))
-    assert plan(MODEL, there, still, 101.0, limits).reason == Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST_LEG)
+@pytest.mark.parametrize("profile", PROFILE_NAMES)
+@pytest.mark.parametrize("share", [0.1, 0.03, 0.01])  # 0.03: a speed scale of 0.2 in the first motion after enabling
+def test_a_slow_arm_returns_however_long_it_takes(profile, share):
+    limits = SwingLimits(speed_share=share, profile=profile)
+    distance = 0.8 * np.array([1, -1, 1, -1, 1, -1, 1])
+    for speed in (0.0, 0.9 * share):
+        start = Joints(5.0, MODEL.waiting + distance, speed * MODEL.speed_limits)
+        swing = plan(MODEL, start, None, 5.0, limits)
+        assert swing.reason is None
+        check_path(swing, limits, step=5e-3)
 
 
 @pytest.mark.parametrize("racket", printed(100.0), ids=NAMES)

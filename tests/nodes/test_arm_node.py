@@ -89,7 +89,7 @@ class Bench:
         """Ticks until the arm is commanded to move, moves and has told that nothing stops it."""
         start = time.time()
         while np.all(self.command == 0.0) or np.abs(self.joints.qdot).max() < 0.02 or "NONE" not in self.codes():
-            assert time.time() < start + bound, f"{self.joints.qdot}: {self.codes()[-3:]}"
+            assert time.time() < start + bound, f"{self.joints.qdot}: {self.codes()[-3:]}, command {self.command}"
             self.run(TICK)
 
     def codes(self):

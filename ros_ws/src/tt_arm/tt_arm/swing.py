@@ -29,7 +29,7 @@ from .trajectory.path import Path
 from .trajectory.path_check import path_failure
 from .trajectory.profiles import evaluate_path
 
-__all__ = ["LONGEST_LEG", "PROFILE_NAMES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
+__all__ = ["PROFILE_NAMES", "NoStop", "StrikePlan", "Swing", "SwingFailure", "SwingLimits", "plan", "strike"]
 
 REST_SPEED = 1e-3  # rad/s, speed below which a joint counts as being at rest
 SOFT = 1.6  # duration of a soft stop over the least time to slow down; a quintic without acceleration at its ends needs 1.5
@@ -252,7 +252,7 @@ def _return_path(task: SwingTask, q: Array, qdot: Array, qddot: Array) -> tuple[
     for softly in (None, SOFT, 1.0):
         path = task.new_path()
         arrives = append_return(path, task, make_leg(q, qdot, qddot, task.model.waiting, np.zeros(len(q))), softly)
-        failure = path_failure(path, task.model, task.limits) if arrives else Failure(SwingFailure.NO_WAY_BACK, bound=LONGEST_LEG)
+        failure = path_failure(path, task.model, task.limits) if arrives else Failure(SwingFailure.NO_WAY_BACK)
         if failure is None:
             break
     return path, failure
@@ -268,7 +268,7 @@ def append_return(path: Path, task: SwingTask, leg: Leg, softly: float | None) -
         softly: Duration of a stop on the way, as a multiple of the least time to slow down; None for no stop.
 
     Returns:
-        Whether there is such a way within LONGEST_LEG. Where there is none, the path ends with the stop.
+        Whether there is such a way. Where there is none, the path ends with the stop.
     """
     if softly is not None and (leg["v0"].any() or leg["a0"].any()):
         time, brake = _brake(path, task, leg, softly)

@@ -33,7 +33,7 @@ from .profiles import (
 PROFILE_NAMES = ("auto", "quintic", "trapezoid", "polyline", "ruckig")
 AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
 LEG_STEP = 1e-3  # s, of the search for the shortest leg
-SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, legs that are tried
+SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, legs that are tried; for slow joints up to twice their least time, if that is longer
 LEG_HALVINGS = 20  # of LEG_STEP, to 1e-9 s
 
 
@@ -123,7 +123,8 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
         kind: Profile, AUTO, QUINTIC, TRAPEZOID or POLYLINE.
 
     Returns:
-        The duration, at least `time`; inf if it exceeds LONGEST_LEG.
+        The duration, at least `time`; inf if it exceeds both LONGEST_LEG and twice the least time of the joints, which a quintic keeps
+        from rest to rest.
     """
     time = max(time, SHORTEST_LEG)
     for i in range(len(leg)):
@@ -131,9 +132,10 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
         time = max(time, least_time(ends.q1 - ends.q0, ends.v0, ends.v1, bounds.speed, bounds.acceleration))
     if leg_is_possible(time, leg, limits, kind):
         return time
+    longest = max(LONGEST_LEG, 2.0 * time)
     while not leg_is_possible(time + LEG_STEP, leg, limits, kind):
         time += LEG_STEP
-        if not time <= LONGEST_LEG:  # also where it is NaN
+        if not time <= longest:  # also where it is NaN
             return np.inf
     low, high = time, time + LEG_STEP
     for _ in range(LEG_HALVINGS):

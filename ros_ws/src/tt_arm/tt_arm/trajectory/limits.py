@@ -20,7 +20,7 @@ class SwingFailure(Enum):
     TOO_SOON = "the strike is {missing:.3f} s too soon"
     TOO_LATE = "the limits allow no way that arrives as late as the strike"
     TOO_FAST = "the arm moves too fast to arrive as late as the strike"
-    NO_WAY_BACK = "the way back to waiting takes more than {bound:g} s"
+    NO_WAY_BACK = "the limits allow no way back to waiting"
     POSITION_LIMIT = "joint {joint} would come within {distance:.3f} {unit} of its limit on the way"
     HELD_COMMAND = "joint {joint} would run {beyond:.3f} {unit} beyond its limit if its drive held a command"
     SPEED_LIMIT = "joint {joint} would need {share:.3f} of its speed limit on the way"
