@@ -329,6 +329,21 @@ def test_the_first_motion_after_enabling_is_slow_and_strokes_wait_for_it():
     assert arm.control.take(printed(5.6)[:1]).index == 0
 
 
+def test_a_long_slow_way_home_is_made_without_a_stop():
+    arm = Arm()
+    arm.control.speed_scale = 0.2
+    arm.joints = Joints(0.0, MODEL.waiting + 0.8 * np.array([1, -1, 1, -1, 1, -1, 1]), np.zeros(7))
+    slowest = []
+    while np.abs(arm.joints.q - MODEL.waiting).max() > 0.1:
+        assert arm.joints.time < 40.0  # 0.8 rad at 0.2 * 0.15 rad/s take 27 s
+        arm.run(arm.joints.time + 0.1)
+        slowest.append(np.abs(arm.joints.qdot[0]))
+    arm.run(arm.joints.time + 10.0)
+    assert arm.codes == {None}
+    assert min(slowest[5:]) > 0.02  # the first joint has the longest way in its least time
+    assert arm.joints.q == pytest.approx(MODEL.waiting, abs=1e-3)
+
+
 def test_a_reduced_speed_acts_at_once():
     arm = moving()
     arm.control.speed_scale = 0.1

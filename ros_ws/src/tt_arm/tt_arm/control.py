@@ -12,6 +12,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -424,6 +425,8 @@ class ArmControl:
                 self.swing = plan(self.model, joints, None, joints.time, self._limits)
             except TtError as error:
                 return ControlStep(self.guard.stop(now, joints, age), self._does_not_follow(now, error))
+        elif self._is_aging(self.swing, joints.time):
+            self._renew(self.swing, joints.time)
         wanted = follow(self.swing, joints.time, joints.q, self._speed * self.model.speed_limits, self.servo)
         planned = self.swing.start.time if joints.time < self.swing.end_time else None  # waiting needs no plan
         command, cut = self.guard.check(joints, wanted, now, planned, age)
@@ -433,6 +436,19 @@ class ArmControl:
             interrupted = interrupted or self.stroke is not None
             cut = self._does_not_follow(now, cut)
         return ControlStep(command, cut, begun, interrupted)
+
+    def _is_aging(self, swing: Swing, time: float) -> bool:
+        """Return whether a long way back to the waiting posture must be planned anew, before the guard stops it as a stale plan."""
+        returns = swing.strike_time == np.inf or time > swing.strike_time
+        return returns and time < swing.end_time and time > swing.start.time + 0.5 * self.guard.params.stale_plan
+
+    def _renew(self, swing: Swing, time: float) -> None:
+        """Replace the present way back to the waiting posture by one that begins at `time` (s) on its path, unless a swing comes next."""
+        with suppress(TtError):  # the guard stops the present one when it is stale
+            renewed = plan(self.model, swing.joints(time), None, time, self._limits)
+            with self._lock:
+                if self.coming is None:
+                    self.swing, self._stops = renewed, self._stops + 1
 
     def _is_spoilt(self, cut: Failure, time: float) -> bool:
         """Return whether the swing must be given up: the guard has stopped it, or has cut its commands for longer than `patience`."""
