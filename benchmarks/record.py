@@ -23,11 +23,11 @@ from report import arguments, report
 from rich.console import Console
 from tt_bringup.demo import free_domain
 from tt_core.ros.bags import Bag
+from tt_core.shared_memory import SEGMENT_VARIABLE
 from tt_sim.world.outcome import Result
 from tt_tools import launch, packages
 
 BALLS = "60.0"  # a minute
-PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 SEGMENT = 64 * 2**20  # bytes of shared memory of the cameras' process: images of 0.7 s, for which the recorder may be held up
 ENDING = 30.0  # s for the recorder to write the rest
 
@@ -53,9 +53,7 @@ def main() -> None:
                 executor.spin_once(timeout_sec=0.05)
             skipped = len(watch.results)
             program = [sys.executable, str(Path(__file__).with_name("camera_stream.py")), str(args.runs)]
-            profile = Path(folder) / "fastdds.xml"
-            profile.write_text(re.sub(r"(?<=<segment_size>)\d+", str(SEGMENT), Path(os.environ[PROFILES]).read_text()))
-            environment = {**os.environ, PROFILES: str(profile)}
+            environment = {**os.environ, SEGMENT_VARIABLE: str(SEGMENT)}
             stream = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
             spent, begin, memory = sum(recorder[-1].cpu_times()[:2]), time.monotonic(), 0.0
             psutil.cpu_percent()  # from here on

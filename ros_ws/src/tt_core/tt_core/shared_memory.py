@@ -1,4 +1,4 @@
-"""Files of the middleware Fast DDS in shared memory: removal of files that dead processes left, and a check of the free space."""
+"""Shared memory of the middleware Fast DDS: its size, removal of files that dead processes left, and a check of the free space."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from pathlib import Path
 
 SHARED_MEMORY = Path("/dev/shm")
 LEAST_FREE = 2**16  # bytes that must be free in SHARED_MEMORY for a node to start
+SEGMENT_VARIABLE = "TT_SEGMENT_SIZE"  # environment variable that config/fastdds.xml reads
+SMALL_SEGMENT = 2**20  # bytes, for a process that sends no images
+IMAGE_SEGMENT = 40 * 2**20  # bytes, for a process that sends images, see `set_segment`
 FILE = re.compile(r"fastrtps_(port\d+|[0-9a-f]{16})")  # a port at which a participant of Fast DDS receives, or the data that it sends
 
 
@@ -27,6 +30,19 @@ def check_room() -> None:
         if (free := disk.f_bavail * disk.f_frsize) < LEAST_FREE:
             print(f"{SHARED_MEMORY} has {free} bytes free, nodes need {LEAST_FREE}; remove files of other programs there", file=sys.stderr)
             sys.exit(2)
+
+
+def set_segment(size: int) -> None:
+    """Set the size (bytes) of the shared memory in which this process keeps what it sends; call it before rclpy.init().
+
+    It acts with the profile config/fastdds.xml, which scripts/env selects.
+
+    Fast DDS keeps what it has sent until every receiver has taken it. A receiver that stands still or is killed takes nothing, and leaves
+    up to 512 pieces of up to 64 kB, 32 MB. If these fill the segment of the sender, Fast DDS 2.14.5 takes them back one by one until the
+    sum of the free bytes suffices. But these bytes may be scattered, so that from then on small messages are sent, and images reach nobody
+    any more. Therefore IMAGE_SEGMENT is larger than what one receiver can leave.
+    """
+    os.environ[SEGMENT_VARIABLE] = str(size)
 
 
 def remove_leftovers(folder: Path = SHARED_MEMORY) -> list[str]:

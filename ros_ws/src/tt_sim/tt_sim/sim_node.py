@@ -49,6 +49,7 @@ from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
 from tt_core.ros.refusals import Refusals
+from tt_core.shared_memory import IMAGE_SEGMENT
 from tt_core.states import Array, BallState
 from tt_vision.rig import SIDES, WIDE_SIDES, high_speed_pair, wide_pair
 
@@ -364,7 +365,7 @@ def has_subscribers(publisher: Publisher) -> bool:
 
 def main() -> None:
     """Run the node."""
-    run(SimNode, CONTROL)
+    run(SimNode, CONTROL, IMAGE_SEGMENT)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ from tt_core.params import check, param
 from tt_core.ros.bags import TYPESTORE, Bag, BagError
 from tt_core.ros.discovery import RECORDERS, listeners
 from tt_core.ros.params import declare
+from tt_core.shared_memory import IMAGE_SEGMENT, set_segment
 
 from .graph import Discovery
 from .keys import HELP, attached, keyboard, read_key
@@ -388,6 +389,7 @@ def play_bag(params: BagPlayParams | None = None, remap: Mapping[str, str] | Non
         KeyboardInterrupt: SIGINT or SIGTERM arrived.
     """
     interrupts = Interrupts()
+    set_segment(IMAGE_SEGMENT)
     try:
         rclpy.init(args=[] if params else None, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # RCLError: the ROS arguments are not valid

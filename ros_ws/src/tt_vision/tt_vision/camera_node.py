@@ -30,6 +30,7 @@ from tt_core.ros.discovery import RECORDERS, is_heard, listeners
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, RECORDED, SENSOR
+from tt_core.shared_memory import IMAGE_SEGMENT
 
 from .capture.devices import DeviceCounts, DeviceParams
 from .capture.sources import Calibration, SourceError, SourceParams, StampedImage, calibrations, read_images
@@ -240,7 +241,7 @@ class CameraNode(Node):
 
 def main() -> None:
     """Run the node."""
-    run(CameraNode, RESPONSE)
+    run(CameraNode, RESPONSE, IMAGE_SEGMENT)
 
 
 if __name__ == "__main__":

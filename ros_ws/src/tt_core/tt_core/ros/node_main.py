@@ -27,6 +27,7 @@ from ..errors import TtError
 from ..exit_timer import end_by_signal
 from ..priority import ORDINARY, Priority, set_nice, set_realtime
 from ..revision import package_version
+from ..shared_memory import SMALL_SEGMENT, set_segment
 from ..start import SIGNALS, default_signals
 from .params import changed_parameters
 from .presence import Presence
@@ -37,7 +38,7 @@ EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended 
 OWN_EXIT_TIMEOUT = 15.0  # s that a process may take to end by itself. A signal would hide its exit code, so this is longer
 
 
-def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
+def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = SMALL_SEGMENT) -> None:
     """Run one node until SIGINT or SIGTERM, then call its method `close` if it has one, and destroy it and its context.
 
     While the node is made, these signals end the process at once: nothing is open yet, and Python's KeyboardInterrupt would be lost in a C
@@ -62,8 +63,10 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY) -> None:
         make: Returns the node.
         priority: Scheduling priority of the process. It is real-time once the node is made. If the system does not permit it (`ulimit -r`,
             `ulimit -e`), the process prints a line and runs at what is permitted.
+        segment: bytes, shared memory for what the process sends; IMAGE_SEGMENT if it sends images.
     """
     default_signals()
+    set_segment(segment)
     _bound_clock()
     is_nice = _set_nice(priority.nice)
     try:
