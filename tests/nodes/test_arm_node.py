@@ -249,7 +249,6 @@ def test_a_person_stops_the_arm_and_slows_it_down(probe, until, bench, homeward)
         return call(probe, until, SetParameters, "/arm/set_parameters", request).results[0].successful
 
     assert not scale(1.5)
-    bench.statuses.clear()
     assert scale(0.2)
     bench.run(0.5)
     bench.moves()
