@@ -18,7 +18,7 @@ settings.register_profile(
 )
 settings.load_profile("tests")
 
-LEASE = 2.0  # s, of config/fastdds.xml
+LEASE = 2.0  # s without a message after which DDS forgets a participant; leaseDuration in config/fastdds.xml
 ENDING = 10.0  # s for a node to end; the launcher waits as long before it kills
 SENT = (-signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL)  # exit codes by signals that tests send
 
@@ -130,7 +130,7 @@ def until():
 
 @pytest.fixture
 def stand_still(probe, until):
-    """stand_still(process): stops a process for a little longer than the lease of DDS, while `probe` spins."""
+    """stand_still(process) stops a process for a little longer than the lease of DDS, and lets it go on; `probe` spins meanwhile."""
 
     def stand_still(process):
         process.send_signal(signal.SIGSTOP)

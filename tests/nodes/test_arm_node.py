@@ -86,7 +86,7 @@ class Bench:
             self.run(TICK)
 
     def moves(self, bound=5.0):
-        """Ticks until the arm is commanded to move, moves and has told that nothing stops it."""
+        """Advance the simulated arm until the node commands it to move, it moves, and the node has reported that nothing stops it."""
         start = time.time()
         while np.all(self.command == 0.0) or np.abs(self.joints.qdot).max() < 0.02 or "NONE" not in self.codes():
             assert time.time() < start + bound, f"{self.joints.qdot}: {self.codes()[-3:]}, command {self.command}"

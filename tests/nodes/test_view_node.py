@@ -40,11 +40,11 @@ def landing(racket, path):
 
 
 def answer_to_launches(button, answers):
-    """A condition for `until`: there are answers to a launch; the button is clicked every 10 s until then.
+    """Return a condition for `until`: there are answers to a launched ball. The button is clicked again every 10 s until then.
 
-    The first ball may pass before the simulator and estimate_node have found each other; both know the probe earlier.
+    The first ball may pass before the simulator and estimate_node have discovered each other.
     """
-    due = 0.0
+    due = time.monotonic() + 10.0
 
     def has_answers():
         nonlocal due
@@ -76,8 +76,10 @@ def test_the_page_drives_the_graph(start, probe, until):
         until(lambda: goals, probe)
         assert goal_from_message(goals[0]).landing == pytest.approx([1.9, 0.6], abs=0.02)  # m; a pixel shows about 5 mm there
 
-        until(answer_to_launches(page.get_by_role("button", name="Launch a ball"), strokes), probe)
+        launch = page.get_by_role("button", name="Launch a ball")
+        launch.click()
         until(lambda: truth, probe)
+        until(answer_to_launches(launch, strokes), probe)
         assert ball_from_message(truth[0]).position[0] > 2.0  # m; it has just been launched
         path, rackets = path_from_message(paths[-1]), strokes_from_message(strokes[-1])
         goal = goal_from_message(goals[-1])

@@ -443,8 +443,8 @@ class ArmControl:
         return returns and time < swing.end_time and time > swing.start.time + 0.5 * self.guard.params.stale_plan
 
     def _renew(self, swing: Swing, time: float) -> None:
-        """Replace the present way back to the waiting posture by one that begins at `time` (s) on its path, unless a swing comes next."""
-        with suppress(TtError):  # the guard stops the present one when it is stale
+        """Plan the way back to the waiting posture anew from where its path is at `time` (s). Nothing is changed if a swing comes next."""
+        with suppress(TtError):  # without a new plan the present one goes on until the guard stops it
             renewed = plan(self.model, swing.joints(time), None, time, self._limits)
             with self._lock:
                 if self.coming is None:

@@ -33,7 +33,7 @@ from .profiles import (
 PROFILE_NAMES = ("auto", "quintic", "trapezoid", "polyline", "ruckig")
 AUTO, QUINTIC, TRAPEZOID, POLYLINE, RUCKIG = range(5)
 LEG_STEP = 1e-3  # s, of the search for the shortest leg
-SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, legs that are tried; for slow joints up to twice their least time, if that is longer
+SHORTEST_LEG, LONGEST_LEG = 1e-6, 10.0  # s, range of durations that is searched; see `shortest_time` for slow joints
 LEG_HALVINGS = 20  # of LEG_STEP, to 1e-9 s
 
 
@@ -135,7 +135,7 @@ def shortest_time(time: float, leg: Leg, limits: JointBounds, kind: int) -> floa
     longest = max(LONGEST_LEG, 2.0 * time)
     while not leg_is_possible(time + LEG_STEP, leg, limits, kind):
         time += LEG_STEP
-        if not time <= longest:  # also where it is NaN
+        if not time <= longest:  # this form ends the search for NaN, too
             return np.inf
     low, high = time, time + LEG_STEP
     for _ in range(LEG_HALVINGS):

@@ -59,7 +59,7 @@ def changeable_parameters(node: Node) -> dict[str, Any]:
 
 
 def restart(parameters: Mapping[str, Any]) -> None:
-    """Replace the program of this process by the same program, started again with the same command. This function does not return.
+    """Start the program of this process from its beginning, in the same process and with the same command. This does not return.
 
     Args:
         parameters: Values by name. They are added to the command and override the values that are given there.
