@@ -206,7 +206,7 @@ def test_play_resumes_after_crashes(robot, probe, until):
         return any(command.any() for command in commands)
 
     play(lambda: paths and strokes and moves())
-    assert "[enable] /arm/enable: enabled" in robot()
+    until(lambda: "[enable] /arm/enable: enabled" in robot(), probe)  # told a moment later than done
 
     killed = {name: started(robot(), name)[-1] for name in ("predict", "racket", "arm")}
     for pid in killed.values():
