@@ -46,10 +46,11 @@ def pytest_collection_modifyitems(items):
 def ros(tmp_path, monkeypatch):
     """The number of a free domain; this process and its children are on it."""
     from domain_coordinator import domain_id
+    from domains import next_domain
     from tt_core.shared_memory import remove_leftovers
 
     remove_leftovers()  # files in shared memory of nodes that earlier tests killed
-    with domain_id() as domain:
+    with domain_id(next_domain) as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))

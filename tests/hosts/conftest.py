@@ -2,6 +2,7 @@
 
 import pytest
 from domain_coordinator import domain_id
+from domains import next_domain
 from hosts.two_hosts import NotPossible, two_machines
 
 
@@ -9,7 +10,7 @@ from hosts.two_hosts import NotPossible, two_machines
 def machines():
     """(one machine, the other, a free domain)."""
     try:
-        with two_machines() as pair, domain_id() as domain:
+        with two_machines() as pair, domain_id(next_domain) as domain:
             yield *pair, domain
     except NotPossible as error:
         pytest.skip(f"no two machines here: {error}")

@@ -176,7 +176,7 @@ def homeward(start, probe, until, bench):
     from std_srvs.srv import SetBool
 
     bench.joints = Joints(time.time(), AWAY, np.zeros(7))
-    node = start("tt_arm.arm_node")
+    node = start("tt_arm.arm_node", *PATIENT)
     bench.ready()
     bench.run(0.1)
     assert call(probe, until, SetBool, "/arm/enable", SetBool.Request(data=True)).success

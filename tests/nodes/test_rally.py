@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from domain_coordinator import domain_id
+from domains import next_domain
 from rosbags.highlevel import AnyReader
 from tt_core.ros.convert import ball_from_message, path_from_message, strokes_from_message
 
@@ -21,7 +22,7 @@ RESULTS = {"/ball/measured": ball_from_message, "/ball/path": path_from_message,
 def run(command, tmp, timeout):
     """On a domain of its own; afterwards none of its processes may be left, which a mark in their environment would tell."""
     mark = f"TT_RALLY={uuid.uuid4()}"
-    with domain_id() as domain:
+    with domain_id(next_domain) as domain:
         environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(tmp)}
         done = subprocess.run(
             command, env={**environment, **dict([mark.split("=")])}, capture_output=True, text=True, timeout=timeout, check=False

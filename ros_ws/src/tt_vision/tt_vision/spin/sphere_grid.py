@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 from numba import njit
+from scipy.spatial import KDTree
 from tt_core.states import Array
 
 
@@ -36,7 +37,16 @@ def cube(n: int, edge: int) -> np.ndarray:
     Returns:
         (6, edge, edge) int16: the index of the point nearest to the direction of the cell's centre. The faces are +x, -x, +y, -y, +z, -z.
     """
-    return _make_cube(fibonacci(n), edge)
+    points, nearest = KDTree(fibonacci(n)), np.empty((6, edge, edge), dtype=np.int16)
+    middles = (2.0 * np.arange(edge) + 1.0) / edge - 1.0
+    directions = np.empty((edge, edge, 3))
+    for face in range(6):
+        axis = face // 2
+        directions[..., axis] = 1.0 if face % 2 == 0 else -1.0
+        directions[..., (axis + 1) % 3] = middles[:, None]
+        directions[..., (axis + 2) % 3] = middles
+        nearest[face] = points.query(directions / np.linalg.norm(directions, axis=-1, keepdims=True))[1]
+    return nearest
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
@@ -63,17 +73,3 @@ def nearest_point(cube: np.ndarray, x: float, y: float, z: float) -> int:
     if w < 0.0:
         face, w = face + 1, -w
     return cube[face, min(n - 1, int((u / w + 1.0) * 0.5 * n)), min(n - 1, int((v / w + 1.0) * 0.5 * n))]
-
-
-@njit(cache=True, nogil=True)
-def _make_cube(points: Array, n: int) -> np.ndarray:
-    cube = np.empty((6, n, n), dtype=np.int16)
-    for face in range(6):
-        sign = 1.0 if face % 2 == 0 else -1.0
-        for i in range(n):
-            for j in range(n):
-                u, v = (2.0 * i + 1.0) / n - 1.0, (2.0 * j + 1.0) / n - 1.0
-                d = np.empty(3)
-                d[face // 2], d[(face // 2 + 1) % 3], d[(face // 2 + 2) % 3] = sign, u, v
-                cube[face, i, j] = np.argmax(points @ d)
-    return cube
