@@ -2,7 +2,9 @@
 
 import os
 import shutil
+import tempfile
 from contextlib import contextmanager
+from pathlib import Path
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -23,7 +25,7 @@ LOADING = 90e3  # ms for the page on a busy machine without a graphics card
 
 @contextmanager
 def opened(address, width=1400, height=900, *, button="Launch a ball", dark=False):
-    """Open a page, and wait for a button of it; yield it with the list of its console errors."""
+    """Open a page, and wait for a button of it; yield it with the list of its console errors. A failed test tells of a picture of the page."""
     from playwright.sync_api import sync_playwright
 
     environment = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy")}
@@ -36,6 +38,12 @@ def opened(address, width=1400, height=900, *, button="Launch a ball", dark=Fals
             page.set_default_timeout(LOADING)
             page.goto(address, wait_until="commit")
             page.get_by_role("button", name=button).wait_for()
-            yield page, errors
+            try:
+                yield page, errors
+            except BaseException as error:
+                picture = Path(tempfile.mkdtemp()) / "page.png"
+                page.screenshot(path=picture)
+                error.add_note(f"the page then: {picture}")
+                raise
         finally:
             browser.close()

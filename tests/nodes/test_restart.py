@@ -1,11 +1,13 @@
 """Tests of the restart after a standstill: a new process with the present parameters; only an arm that was enabled is enabled."""
 
+import re
 import time
 
 import pytest
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from std_srvs.srv import SetBool
+from tt_core.ros.restart import LONGEST_STANDSTILL, watch_standstill
 
 
 @pytest.fixture
@@ -35,6 +37,28 @@ def parameters(probe, until):
 
 def endpoints(probe, topic):
     return {bytes(info.endpoint_gid) for info in probe.get_publishers_info_by_topic(topic)}
+
+
+def test_a_callback_that_takes_long_is_no_standstill():
+    found = []
+    with watch_standstill(found.append):
+        time.sleep(1.5 * LONGEST_STANDSTILL)  # the thread of the callback waits, that of the watch does not
+    assert not found
+
+
+def test_a_view_has_its_address_again(start, until, probe, stand_still):
+    """So that a page that is open finds it."""
+    view, printed = start("tt_bringup.view_node", "--ros-args", "-p", "port:=0", "-p", "host:=0.0.0.0"), []  # with a token by chance
+
+    def addresses():
+        printed.append(view.stderr.read())
+        return re.findall(r"http://\S+", "".join(printed))
+
+    until(lambda: addresses() and "ready" in "".join(printed), probe)
+    stand_still(view)
+    until(lambda: len(addresses()) == 2, probe)
+    first, second = addresses()
+    assert first == second and "token=" in first
 
 
 def test_a_new_process_has_the_present_parameters(start, probe, until, parameters, stand_still):

@@ -92,18 +92,18 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
 
     def on_standstill(seconds: float) -> None:
         parameters = getattr(node, "kept_parameters", {})
-        if parameters is not None:
+        if parameters is not None and rclpy.ok():
             node.get_logger().warning(f"stood still for {seconds:.1f} s, for which other nodes may have lost this one: it starts anew")
             kept.append(changeable_parameters(node) | parameters)
             asked.set_result(None)
 
     Presence(node)
     _set_realtime(priority, is_nice)
-    _log_ready(node)
     received = list[int]()
     try:
-        with _signals(asked, received):
-            _spin(node, asked, on_standstill)
+        with _signals(asked, received), watch_standstill(on_standstill):
+            _log_ready(node)
+            _spin(node, asked)
     except Exception as error:
         crashes.append(error)
     finally:
@@ -180,13 +180,12 @@ def _made(make: Callable[[], Node]) -> Node | None:
         return None
 
 
-def _spin(node: Node, asked: Future, on_standstill: Callable[[float], None]) -> None:
+def _spin(node: Node, asked: Future) -> None:
     gc.collect()
     gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
     executor = EventsExecutor()
     try:
         executor.add_node(node)
-        watch_standstill(node, on_standstill)
         with suppress(ExternalShutdownException):  # the node itself ended the context
             while not asked.done():  # waits without a timeout never dispatch in rclpy 7.1.6
                 executor.spin_until_future_complete(asked, 3600.0)

@@ -6,13 +6,13 @@ import math
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import yaml
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from ..start import SIGNALS
@@ -23,24 +23,31 @@ BUSY_SHARE = 0.3  # of that time; a process that computes for a larger share doe
 MOST_FILES = 4096  # file descriptors below this number are closed before the new program starts; a node has about 200
 
 
-def watch_standstill(node: Node, stood_still: Callable[[float], None]) -> None:
-    """Call a function when the process has stood still for longer than LONGEST_STANDSTILL, as after SIGSTOP or without a free core.
+@contextmanager
+def watch_standstill(stood_still: Callable[[float], None]) -> Iterator[None]:
+    """While the context is entered, watch whether the process stands still, as after SIGSTOP or without a free core.
+
+    A thread watches, not the executor of the node, which a long callback holds up while the threads of DDS go on.
 
     Args:
-        node: A node that is spun at once.
-        stood_still: It receives the duration of the standstill, s.
+        stood_still: Called by the thread after a standstill longer than LONGEST_STANDSTILL. It receives the duration, s.
     """
-    last = time.monotonic(), time.process_time()  # s, at the last check
+    left, last = threading.Event(), (time.monotonic(), time.process_time())  # s, at the last check
 
-    def check() -> None:
+    def watch() -> None:
         nonlocal last
-        now = time.monotonic(), time.process_time()
-        passed, computed = (new - old for new, old in zip(now, last, strict=True))
-        last = now
-        if passed > LONGEST_STANDSTILL and computed < BUSY_SHARE * passed:
-            stood_still(passed)
+        while not left.wait(CHECK_INTERVAL):
+            now = time.monotonic(), time.process_time()
+            passed, computed = (new - old for new, old in zip(now, last, strict=True))
+            last = now
+            if passed > LONGEST_STANDSTILL and computed < BUSY_SHARE * passed:
+                stood_still(passed)
 
-    node.create_timer(CHECK_INTERVAL, check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    threading.Thread(target=watch, name="standstill", daemon=True).start()
+    try:
+        yield
+    finally:
+        left.set()
 
 
 def changeable_parameters(node: Node) -> dict[str, Any]:
