@@ -25,7 +25,7 @@ LOADING = 90e3  # ms for the page on a busy machine without a graphics card
 
 @contextmanager
 def opened(address, width=1400, height=900, *, button="Launch a ball", dark=False):
-    """Open a page, and wait for a button of it; yield it with the list of its console errors. A failed test tells of a picture of the page."""
+    """Open a page, and wait for a button of it; yield it with the list of its console errors. A failure tells of a picture of the page."""
     from playwright.sync_api import sync_playwright
 
     environment = {k: v for k, v in os.environ.items() if not k.lower().endswith("_proxy")}
