@@ -12,9 +12,9 @@ from tt_core.ros.diagnostics import Event, read_status
 from tt_tools.reindex import reindex
 
 BALLS = 5
-RATE = "rate:=30.0"  # balls a minute
+RATE = "rate:=45.0"  # balls a minute
 START = 100.0  # s until the first ball is hit; 20 to 35 s on two shared cores
-NEXT = 30.0  # s, room for 15 balls
+NEXT = 30.0  # s, room for 22 balls
 RESULTS = {Event.PATH: "/ball/path", Event.STROKES: "/racket/strokes"}  # topics by the events that tell of them
 
 

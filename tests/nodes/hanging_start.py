@@ -4,7 +4,9 @@ import ctypes
 
 from rclpy.node import Node
 from tt_core.errors import OutOfRange
-from tt_core.ros.node_main import run
+from tt_core.ros import node_main
+
+node_main.OWN_EXIT_TIMEOUT = 2.0  # s, so that the test takes no longer
 
 
 class HangingStart(Node):
@@ -20,4 +22,4 @@ class HangingStart(Node):
 
 
 def main() -> None:
-    run(HangingStart)
+    node_main.run(HangingStart)

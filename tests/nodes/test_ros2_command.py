@@ -84,9 +84,15 @@ def test_it_tells_of_the_graph(printed, points):
     assert "    /point: geometry_msgs/msg/PointStamped\n" in printed("node", "info", "/probe")[1]
     assert "/probe/set_parameters [rcl_interfaces/srv/SetParameters]" in printed("service", "list", "-t")[1].splitlines()
     assert "  use_sim_time (type: boolean)" in printed("param", "list", "/probe", "--param-type")[1].splitlines()
-    for words in ("topic info /nothing", "topic echo /nothing", "node info /nobody", "param get /nobody use_sim_time"):
-        assert printed(*words.split())[0] == 1, words
-    assert printed("topic", "type", "/nothing") == (1, "")
+
+
+def test_what_is_not_there_is_an_error(ros2, probe, until):
+    verbs = ("topic info /nothing", "topic echo /nothing", "topic type /nothing", "node info /nobody", "param get /nobody use_sim_time")
+    processes = {words: ros2(*words.split()) for words in verbs}  # at the same time: each looks for a while
+    for words, process in processes.items():
+        until(lambda process=process: process.poll() is not None, probe)
+        assert process.returncode == 1, words
+    assert processes["topic type /nothing"].communicate()[0] == ""
 
 
 def test_it_prints_messages(printed, points):
