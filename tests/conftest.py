@@ -131,7 +131,7 @@ def until():
 
 @pytest.fixture
 def stand_still(probe, until):
-    """stand_still(process) stops a process for a little longer than the lease of DDS, and lets it go on; `probe` spins meanwhile."""
+    """stand_still(process) stops a process by SIGSTOP for 1.1 times the lease of DDS, then continues it; `probe` spins meanwhile."""
 
     def stand_still(process):
         process.send_signal(signal.SIGSTOP)

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from tt_core.errors import OutOfRange
 from tt_core.ros import node_main
 
-node_main.OWN_EXIT_TIMEOUT = 2.0  # s, so that the test takes no longer
+node_main.OWN_EXIT_TIMEOUT = 2.0  # s instead of 15, to shorten the test
 
 
 class HangingStart(Node):

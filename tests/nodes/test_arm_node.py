@@ -38,6 +38,7 @@ class Bench:
         self.joints = Joints(time.time(), MODEL.waiting, np.zeros(7))
         self.commands, self.statuses, self.swings = 0, [], []
         self.fault = None  # what makes the joint states wrong that are published
+        self.longest_tick = 0.0  # s, of this process since the attribute was set
         self.states = probe.create_publisher(JointState, "/joint_states", RELIABLE)
         self.strokes = probe.create_publisher(MultiDOFJointTrajectory, "/racket/strokes", LATEST)
         probe.create_subscription(Float64MultiArray, "/arm_velocity_controller/commands", self.on_command, LATEST)
@@ -73,6 +74,7 @@ class Bench:
             while time.time() < due:
                 self.probe.executor.spin_once(timeout_sec=max(0.0, due - time.time()))
             before, passed = self.joints, time.time() - self.joints.time
+            self.longest_tick = max(self.longest_tick, passed)
             self.joints = self.plant.advance(before, self.command, passed)
             if at is not None and before.time <= at < self.joints.time:
                 racket = self.plant.racket(before, self.command, at - before.time)
@@ -93,7 +95,7 @@ class Bench:
             self.run(TICK)
 
     def comes_home(self, bound=30.0):
-        """Ticks until the arm rests in its waiting posture. After a stop, as on a busy machine, it goes there slowly."""
+        """Advance the simulated arm until it rests in its waiting posture. If a stop interrupted it, it returns there slowly."""
         start = time.time()
         while self.joints.q != pytest.approx(MODEL.waiting, abs=0.02) or np.abs(self.joints.qdot).max() > 0.02:
             assert time.time() < start + bound, f"{self.joints.q - MODEL.waiting}: {self.codes()[-3:]}, command {self.command}"
@@ -351,7 +353,7 @@ def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
     bench.run(0.2)
 
     def off():
-        """How far the racket is from the asked place at the strike, m."""
+        """Let the arm make a stroke; return how far (m, on any axis) the racket was off the asked place at the strike."""
         now = time.time()
         racket = RacketState(now + LEAD, np.array([-0.15, 0.70, 0.25]), np.array([0.65, 0.064, 1.72]), -0.012, 1.66)  # Table 4.3 case 2
         bench.strokes.publish(strokes_to_message([racket], now))
@@ -359,6 +361,11 @@ def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
         bench.comes_home()
         return np.abs(there.position - racket.position).max()
 
-    # the plant reaches a point 20 ms late, at 1.8 m/s; this process, which is the plant, may stand still during a stroke on a busy machine
-    assert any(off() < 0.03 for _ in range(5))
+    # The plant reaches a point 20 ms late, at 1.8 m/s. A stroke during which this process, the plant, stood still for longer is repeated.
+    for _ in range(5):
+        bench.longest_tick = 0.0
+        distance = off()
+        if bench.longest_tick < 0.02:
+            break
+    assert distance < 0.03
     assert not np.any(lasts) and probe.count_publishers("/arm_velocity_controller/commands") == 0

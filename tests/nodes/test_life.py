@@ -206,7 +206,7 @@ def test_play_resumes_after_crashes(robot, probe, until):
         return any(command.any() for command in commands)
 
     play(lambda: paths and strokes and moves())
-    until(lambda: "[enable] /arm/enable: enabled" in robot(), probe)  # told a moment later than done
+    until(lambda: "[enable] /arm/enable: enabled" in robot(), probe)  # printed after the arm was enabled
 
     killed = {name: started(robot(), name)[-1] for name in ("predict", "racket", "arm")}
     for pid in killed.values():
@@ -264,7 +264,7 @@ def test_a_node_without_permission_for_its_priority_says_so_and_runs(ros, probe,
 
 
 def segments(pid):
-    """The sizes in bytes of what a process has mapped of shared memory to send with or to receive from."""
+    """The sizes (bytes) of the shared memory segments of Fast DDS that a process has mapped: its own and those of other participants."""
     lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     mapped = [line.split()[0].split("-") for line in lines if re.search(r"/fastrtps_[0-9a-f]{16}$", line)]
     return [int(end, 16) - int(begin, 16) for begin, end in mapped]

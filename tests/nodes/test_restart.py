@@ -49,7 +49,7 @@ def test_a_callback_that_takes_long_is_no_standstill():
 
 
 def test_a_view_goes_on(start, until, probe):
-    """At its low priority a busy machine lets it stand still again and again."""
+    """It is not restarted: on a busy machine its low priority makes it stand still often."""
     view, printed = start("tt_bringup.view_node", "--ros-args", "-p", "port:=0"), []
 
     def addresses():
@@ -62,7 +62,7 @@ def test_a_view_goes_on(start, until, probe):
 
     until(lambda: addresses() and "ready" in "".join(printed), probe)
     view.send_signal(signal.SIGSTOP)
-    until(passed(LONGEST_STANDSTILL + 0.2), probe)  # less than the lease of DDS
+    until(passed(LONGEST_STANDSTILL + 0.2), probe)  # long enough to be noticed, too short for DDS to forget the node
     view.send_signal(signal.SIGCONT)
     until(passed(1.0), probe)  # four times the interval of the watch
     with urllib.request.urlopen(addresses()[0], timeout=120.0) as page:

@@ -443,8 +443,8 @@ class ArmControl:
         return returns and time < swing.end_time and time > swing.start.time + 0.5 * self.guard.params.stale_plan
 
     def _renew(self, swing: Swing, time: float) -> None:
-        """Plan the way back to the waiting posture anew from where its path is at `time` (s). Nothing is changed if a swing comes next."""
-        with suppress(TtError):  # without a new plan the present one goes on until the guard stops it
+        """Plan the return to the waiting posture again, from the planned joint state at `time` (s). A next swing is kept."""
+        with suppress(TtError):  # if there is no new plan, the arm follows the present one until the guard stops it as too old
             renewed = plan(self.model, swing.joints(time), None, time, self._limits)
             with self._lock:
                 if self.coming is None:

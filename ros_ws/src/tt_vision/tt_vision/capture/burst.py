@@ -86,7 +86,7 @@ class Burst:
         times = check_array("times", self.times, (-1,))
         if (np.diff(times) <= 0.0).any():
             raise TimesNotRising(times)
-        images = tuple(np.ascontiguousarray(stack) for stack in self.images)  # others would compile the kernels anew
+        images = tuple(np.ascontiguousarray(stack) for stack in self.images)  # Numba would compile again for strided ones
         counts, cameras = [len(stack) for stack in images], len(self.cameras) or len(images)
         if len(images) != cameras or any(count != len(times) for count in counts):
             raise BadShape("frames", (len(images), *counts), f"{cameras} cameras x {len(times)} frames")
