@@ -194,6 +194,22 @@ def test_deciding_on_words_is_seen():
         assert not list(decides_on_words(ast.parse(good))), good
 
 
+STAGES = {  # of the measurement, in their order; `measure` and `first_estimate` call them
+    *("detect_balls", "whole_balls", "fit_motion", "cut_out_halved", "propose", "register", "cut_surface"),
+    *("register_marks", "relight", "register_again", "limb_outlines", "refit_motion", "softened", "register_residual"),
+    *("refine_distance", "with_near_rivals", "estimate_from"),
+}
+
+
+@pytest.mark.parametrize("path", sorted((SRC / "tt_vision" / "tt_vision").rglob("*.py")), ids=relative)
+def test_a_stage_of_the_measurement_calls_no_other(path):
+    calls = {ast.unparse(node.func) for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)}
+    if path.name == "measure.py":
+        assert len(calls & STAGES) > 8
+    elif path.name != "first_estimate.py":
+        assert not calls & STAGES
+
+
 def parameters(node):
     return [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
 

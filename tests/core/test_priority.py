@@ -1,9 +1,12 @@
 """A process that leads a session sets the nice value of the session; real-time priorities are for all threads that have none."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from tt_core.priority import reset_nice
 
 PROGRAM = """
 import os
@@ -28,6 +31,21 @@ def test_the_nice_value_of_a_session_is_that_of_its_leader(leads):
     before, after, own = done.stdout.split()
     assert own == "7"
     assert after == ("7" if leads and before != "None" else before)
+
+
+LOW = "import time; from tt_core.priority import set_nice; set_nice(7); print(flush=True); time.sleep(60)"
+
+
+def test_the_nice_value_of_another_process_can_be_reset():
+    with subprocess.Popen([sys.executable, "-c", LOW], start_new_session=True, stdout=subprocess.PIPE) as low:
+        low.stdout.readline()
+        session = Path(f"/proc/{low.pid}/autogroup")
+        told = session.exists() and session.read_text().split()[-1:] == ["7"]
+        reset_nice(low.pid)
+        assert not told or session.read_text().split()[-1:] == ["0"]
+        assert os.getpriority(os.PRIO_PROCESS, low.pid) in (0, 7)  # as permitted
+        low.kill()
+    reset_nice(low.pid)  # a process that is no more: nothing happens
 
 
 REALTIME = """

@@ -121,7 +121,7 @@ def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe,
     until(lambda: probe.count_subscribers("/rosout") > 0, probe)
     for number in (signal.SIGINT, signal.SIGTERM):
         recorder.send_signal(number)
-    # by the first signal if DDS hangs at the end: it is sent again 2 s after `close`, see `tt_core.ros.node_main.run`
+    # by the first signal if DDS hangs at the end: it is sent again after 2.5 s, see `tt_core.ros.node_main.run`
     assert recorder.wait(timeout=10.0) in (0, -signal.SIGINT, -signal.SIGTERM)
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 

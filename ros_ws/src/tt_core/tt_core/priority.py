@@ -53,6 +53,19 @@ def set_nice(nice: int) -> None:
             Path("/proc/self/autogroup").write_text(str(nice))
 
 
+def reset_nice(pid: int) -> None:
+    """Let another process of this user, which has called `set_nice`, compete like others again, as far as the system permits it.
+
+    The nice value of its session is reset without a permission, that of the process itself only with one (ulimit -e).
+
+    Args:
+        pid: Number of the process.
+    """
+    for reset in (lambda: Path(f"/proc/{pid}/autogroup").write_text("0"), lambda: os.setpriority(os.PRIO_PROCESS, pid, 0)):
+        with suppress(OSError):
+            reset()
+
+
 def set_realtime(level: int) -> None:
     """Give a real-time priority to all threads of this process that have none yet.
 

@@ -13,7 +13,6 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 from tt_core.errors import BadChoice, BadShape, TtError, check_array, check_range
 from tt_core.states import Array
 
@@ -238,6 +237,8 @@ def calibrate(
         BadChoice: `method` is neither of the two.
         BadShape: `points` and `pixels` differ in length.
     """
+    from scipy.optimize import least_squares  # not at the top of the module: no node needs it, and it takes 0.06 s to import
+
     if method not in ("nonlinear", "linear"):
         raise BadChoice("method", method, ("nonlinear", "linear"))
     points, pixels = check_array("points", points, (-1, 3)), check_array("pixels", pixels, (-1, 2))

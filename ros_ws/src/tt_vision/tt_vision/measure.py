@@ -4,7 +4,7 @@ A burst holds the images of one ball's passage through the high speed cameras (a
 the ball. The measurement has these stages, each of them a function that takes the result of the one before; all are called in this module:
 
     Burst -> detect_balls, whole_balls -> FirstEstimator -> cut_surface -> relight -> register_again, limb_outlines, refit_motion
-    -> refine_distance (of a single camera) -> estimate_from
+    -> refine_distance, register_again (of a single camera) -> estimate_from
 
 `FirstEstimator` makes the first estimate from images at half the resolution. The stages after it work at the full resolution.
 """
@@ -288,7 +288,9 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
         motion, surface, found = refined
         is_refined = motion is not first.motion
         if cameras == 1:
-            motion, surface, found = refine_distance(burst, motion, surface, found, search)
+            motion = refine_distance(burst, motion, surface, found.spin, search)
+            surface = surface.moved_to(motion, burst)
+            found = register_again(surface, found, search)
     else:
         surface = surface.lit_by(light)
         found = register_again(surface, found, search)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import signal
 import sys
@@ -11,6 +12,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +36,8 @@ from .presence import Presence
 from .restart import changeable_parameters, restart, watch_standstill
 
 THREADS = 1.0  # s that the threads of a node may take to end after its context
-EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
+# s that a process may take to end: from the signal on, and in any case from `close` on
+EXIT_TIMEOUT, LEAST_EXIT_TIMEOUT = 2.5, 0.5
 OWN_EXIT_TIMEOUT = 15.0  # s that a process may take to end by itself. A signal would hide its exit code, so this is longer
 
 
@@ -56,8 +59,8 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     the context; their errors after the end of the context are ignored.
 
     Sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the global interpreter lock (GIL). Therefore
-    the end is bounded: a process that has received a signal is ended by this signal 2 s after `close`; a process that ends by itself is
-    ended by SIGTERM after 15 s.
+    the end is bounded: a process that has received a signal is ended by this signal 2.5 s later, or 0.5 s after `close` if that is later;
+    a process that ends by itself is ended by SIGTERM after 15 s.
 
     Args:
         make: Returns the node.
@@ -99,7 +102,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
 
     Presence(node)
     _set_realtime(priority, is_nice)
-    received = list[int]()
+    received = _Received()
     try:
         with _signals(asked, received), watch_standstill(on_standstill):
             _log_ready(node)
@@ -107,15 +110,17 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     except Exception as error:
         crashes.append(error)
     finally:
-        number, timeout = (received[0], EXIT_TIMEOUT) if received else (signal.SIGTERM, OWN_EXIT_TIMEOUT)
-        end_by_signal(number, timeout)
+        if received.numbers:
+            end_by_signal(received.numbers[0], max(LEAST_EXIT_TIMEOUT, received.time + EXIT_TIMEOUT - time.monotonic()))
+        else:
+            end_by_signal(signal.SIGTERM, OWN_EXIT_TIMEOUT)
         rclpy.try_shutdown()
         _join_threads()
         _print_crashes(node, crashes)
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
-    if kept and not received:
+    if kept and not received.numbers:
         restart(kept[0])
 
 
@@ -195,19 +200,41 @@ def _spin(node: Node, asked: Future) -> None:
             node.close()
 
 
+@dataclass
+class _Received:
+    """The signals SIGINT and SIGTERM that the process has received.
+
+    Attributes:
+        numbers: Number of each signal, in their order.
+        time: s, monotonic, when the first one came; infinite if none has come.
+    """
+
+    numbers: list[int] = field(default_factory=list)
+    time: float = math.inf
+
+    def note_time(self) -> None:
+        """Note that a signal has come by now."""
+        self.time = min(self.time, time.monotonic())
+
+
 @contextmanager
-def _signals(asked: Future, received: list[int]) -> Iterator[None]:
-    """Append SIGINT and SIGTERM to `received`. The first one completes `asked`, a second one takes effect when the context is left."""
+def _signals(asked: Future, received: _Received) -> Iterator[None]:
+    """Note SIGINT and SIGTERM in `received`. The first one completes `asked`, a second one takes effect when the context is left."""
     read, write = os.pipe()
 
     def wait() -> None:  # a thread, because Python's own handlers wait until the executor returns
-        os.read(read, 1)
+        if os.read(read, 1):
+            received.note_time()
         asked.set_result(None)
+
+    def on_signal(number: int, _: object) -> None:
+        received.numbers.append(number)
+        received.note_time()
 
     os.set_blocking(write, False)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     for number in SIGNALS:
-        signal.signal(number, lambda number, _: received.append(number))
+        signal.signal(number, on_signal)
     threading.Thread(target=wait, name="signals", daemon=True).start()
     try:
         yield
@@ -215,8 +242,8 @@ def _signals(asked: Future, received: list[int]) -> Iterator[None]:
         signal.set_wakeup_fd(-1)
         os.close(write)
         default_signals()
-        if len(received) > 1:
-            signal.raise_signal(received[-1])
+        if len(received.numbers) > 1:
+            signal.raise_signal(received.numbers[-1])
 
 
 def _join_threads() -> None:

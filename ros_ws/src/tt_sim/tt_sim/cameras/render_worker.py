@@ -12,12 +12,13 @@ import pickle
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 from tt_core.arrays import Image
 from tt_core.physics import Physics
-from tt_core.priority import set_nice
+from tt_core.priority import reset_nice, set_nice
 from tt_core.states import BallState
 from tt_vision.rig import high_speed_pair
 
@@ -27,6 +28,7 @@ from ..world.launcher import LauncherParams, launch
 from .camera_faults import CameraFaults, arrivals
 from .camera_sequence import camera_sequence
 
+CLOSE_TIMEOUT = 0.5  # s for which `close` waits for the end of the process, which has been killed
 NICE = 10  # lower priority than nodes have: a launch that is rendered late flies later, but a node that is late misses the ball
 KILL_WITH_PARENT = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends the process with its parent
 
@@ -137,10 +139,14 @@ class RenderWorker:
             raise EOFError("the process that renders has ended") from error
 
     def close(self) -> None:
-        """End the process."""
+        """End the process. With its low priority that could take seconds on a busy machine, so it gets the usual one."""
         self._closed = True
+        if self._process.poll() is not None:
+            return
+        reset_nice(self._process.pid)
         self._process.kill()
-        self._process.wait()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(CLOSE_TIMEOUT)
 
     def _send(self, order: object) -> None:
         pickle.dump(order, self._process.stdin)  # type: ignore[arg-type]

@@ -14,10 +14,11 @@ from tt_core.states import Array
 from ..detection.illumination import LIMB
 from ..projection import distort, rotate, rotate_back, unpack_rotation
 from .mark_sampling import LEAST_WEIGHT, POINT_MARK, sample_best
-from .surface_map import MarkImages, view_optics
+from .surface_map import MarkImages, shortest_gap, view_optics
 
 PAIR_STEPS = 4  # number of steps of the refinement on pairs of frames
-MOST_REFINEMENT_STEPS = 12  # largest number of steps of the refinement on all images; few marks that are seen at a flat angle take 8
+MOST_STEP = 0.05  # rad per frame, largest step of the refinement on all images
+MOST_REFINEMENT_STEPS = 12  # largest number of these steps; few marks that are seen at a flat angle take 8
 
 SIGHT = np.dtype([("facing", "f4", (3,)), ("turn", "f4", (3, 3)), ("arm", "f4", (3, 3)), ("centre", "f4", (3,))])
 """How an image sees a ball that turns.
@@ -255,19 +256,19 @@ def refine_on_pairs(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def refine_on_all(spin: Array, points: Array, images: MarkImages, most: float, least_step: float) -> tuple[Array, Comparison]:
+def refine_on_all(spin: Array, points: Array, images: MarkImages, least_step: float) -> tuple[Array, Comparison]:
     """Refine a spin on all images by at most MOST_REFINEMENT_STEPS Gauss-Newton steps.
 
     Args:
         spin: (3,) rad/s in `table`, where the refinement starts.
         points: (n, 3) float32 unit vectors, see `compare_all`.
         images: The ball's surface in all images.
-        most: rad/s, largest length of a step.
         least_step: rad/s; the refinement ends after a shorter step.
 
     Returns:
         The spin (3,) rad/s, and the comparison of the images for the spin before the last step.
     """
+    most = MOST_STEP / shortest_gap(images.times)
     compared = compare_all(spin, points, images)
     for step in range(MOST_REFINEMENT_STEPS):
         if step > 0:

@@ -33,7 +33,7 @@ from .comparison import Comparison, compare_all, compare_pairs, refine_on_all, r
 from .mark_sampling import first_samples
 from .soft_surface import SoftSurface
 from .sphere_grid import fibonacci, fibonacci_single
-from .surface_map import MarkImages, SurfaceMap
+from .surface_map import SurfaceMap, shortest_gap
 from .wide_search import ScoredSpins, aliases, score_spins
 
 # rad per frame, least distance of kept candidates: in the usual and in the wide search
@@ -41,7 +41,7 @@ CANDIDATE_DISTANCE, WIDE_CANDIDATE_DISTANCE = 0.2, 0.12
 RIVALS = 2  # number of rivals that are refined besides the candidates
 RIVAL_DISTANCE = 0.8  # rad per frame, least distance of a rival from the best candidate: two marks, so it is not refined to the same spin
 SAME_SPIN = 0.3  # rad per frame; spins that differ by less count as the same
-MOST_PAIR_STEP, MOST_STEP = 0.1, 0.05  # rad per frame, largest step of the refinements on pairs of frames and on all images
+MOST_PAIR_STEP = 0.1  # rad per frame, largest step of the refinement on pairs of frames
 # rad/s; a refinement ends after a shorter step: one that another refinement follows, and the last one
 ROUGH_STEP, LEAST_SPIN_STEP = 6.0, 1.0
 LEAST_OVERLAP = 0.1  # share of what one frame shows of the surface that the next frame must show, too
@@ -177,7 +177,7 @@ def register(surface: SoftSurface, search: SearchParams = DEFAULT_SEARCH, propos
         found.append(_confirm(surface, _best_of(surface, scored, CANDIDATE_DISTANCE, params), scored.pairs, params))
         if found[-1].is_believed:
             return found[-1]
-    if search.max_spin * float(np.diff(times).min()) > DENSE_TURN:
+    if search.max_spin * shortest_gap(times) > DENSE_TURN:
         scored = score_spins(maps, times, search.max_spin)
         for kept in WIDE_KEPT:
             params = replace(DEFAULT_SEARCH, max_spin=search.max_spin, kept=kept)
@@ -213,7 +213,7 @@ def register_again(
         The registration with new `spin`, `information` and `marks`.
     """
     points = fibonacci_single(search.fine_points)
-    spin, compared = refine_on_all(found.spin, points, surface.images, _most_step(surface.images, MOST_STEP), least_step)
+    spin, compared = refine_on_all(found.spin, points, surface.images, least_step)
     return replace(found, spin=spin, information=_information(compared, search.fine_points), marks=compared.marks)
 
 
@@ -258,19 +258,19 @@ def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
         The registration with its `distinctness`, and with the near spins that were found added to its `alternatives`.
     """
     images, points = surface.images, fibonacci_single(NEAR_POINTS)
-    gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_STEP)
-    best, compared = refine_on_all(found.spin, points, images, most, ROUGH_STEP)
+    gap = shortest_gap(images.times)
+    best, compared = refine_on_all(found.spin, points, images, ROUGH_STEP)
     values, vectors = np.linalg.eigh(compared.normal_matrix)
     error = max(compared.error, 1e-12)
     distinctness = (NEAR_RIVALS[0] / gap) ** 2 * float(values[0]) / (error * max(compared.weight, 1e-12))
     steps = [side * turn / gap * axis for turn in NEAR_RIVALS for axis in vectors.T for side in (1.0, -1.0)]
     if distinctness > DISTINCT or min(compare_all(best + step, points, images).error for step in steps[:2]) > DISTINCT_STEP * error:
         return replace(found, distinctness=distinctness)
-    trials = [refine_on_all(best + step, points, images, most, ROUGH_STEP) for step in steps]
+    trials = [refine_on_all(best + step, points, images, ROUGH_STEP) for step in steps]
     near = _apart([spin for spin, its in trials if its.error < NEAR_RATIO * error], best, SAME_NEAR / gap)
     points = fibonacci_single(FIRST_POINTS)  # on more of them there are fewer minima
-    best, compared = refine_on_all(best, points, images, most, LEAST_SPIN_STEP)
-    trials = [refine_on_all(spin, points, images, most, LEAST_SPIN_STEP) for spin in near]
+    best, compared = refine_on_all(best, points, images, LEAST_SPIN_STEP)
+    trials = [refine_on_all(spin, points, images, LEAST_SPIN_STEP) for spin in near]
     rivals = [spin for spin, its in trials if its.error < NEAR_RATIO * compared.error]
     alternatives = np.concatenate([found.alternatives, _apart(rivals, best, SAME_NEAR / gap)])
     return replace(found, distinctness=distinctness, alternatives=alternatives)
@@ -289,7 +289,7 @@ def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, mo
     pairs, candidates = _neighbours(times), candidate_rotations(step, largest)
     scored = pairs[np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(np.int64)]
     scores = score_candidates(maps, candidates, scored)
-    return ScoredSpins(candidates.rotations / float(np.diff(times).min()), scores, pairs)
+    return ScoredSpins(candidates.rotations / shortest_gap(times), scores, pairs)
 
 
 def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params: SearchParams) -> Proposal:
@@ -302,10 +302,10 @@ def _best_of(surface: SoftSurface, scored: ScoredSpins, distance: float, params:
         params: Parameters of the search.
     """
     images, points, pairs = surface.blurred, fibonacci(params.coarse_points), scored.pairs
-    gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_PAIR_STEP)
+    gap = shortest_gap(images.times)
     before = first_samples(points, pairs, images)
     chosen = scored.spins[_chosen(scored.spins, scored.scores, distance / gap, params.kept, RIVAL_DISTANCE / gap)]
-    trials = [refine_on_pairs(spin, points, before, pairs, images, surface.blurred_contrast, most) for spin in chosen]
+    trials = [refine_on_pairs(spin, points, before, pairs, images, surface.blurred_contrast, MOST_PAIR_STEP / gap) for spin in chosen]
     spin, residual = min(trials, key=lambda trial: trial[1])
     rivals = _apart([rival for rival, its in trials if its * RIVAL_SHARE < residual], spin, SAME_SPIN / gap)
     return Proposal(spin, rivals, len(scored.spins))
@@ -321,11 +321,11 @@ def _confirm(surface: SoftSurface, proposal: Proposal, pairs: np.ndarray, params
         params: Parameters of the search.
     """
     images, points = surface.blurred, fibonacci_single(params.coarse_points)
-    gap, most = float(np.diff(images.times).min()), _most_step(images, MOST_STEP)
-    spin = refine_on_all(proposal.spin, points, images, most, ROUGH_STEP)[0]
-    spin, compared = refine_on_all(spin, fibonacci_single(FIRST_POINTS), surface.images, most, ROUGH_STEP)
+    gap = shortest_gap(images.times)
+    spin = refine_on_all(proposal.spin, points, images, ROUGH_STEP)[0]
+    spin, compared = refine_on_all(spin, fibonacci_single(FIRST_POINTS), surface.images, ROUGH_STEP)
     residual = _residual(surface, spin, pairs, params.coarse_points)
-    rivals = [refine_on_all(rival, points, images, most, ROUGH_STEP)[0] for rival in proposal.rivals]
+    rivals = [refine_on_all(rival, points, images, ROUGH_STEP)[0] for rival in proposal.rivals]
     rivals = [rival for rival in rivals if _residual(surface, rival, pairs, params.coarse_points) * RIVAL_SHARE < residual]
     alternatives = _apart([*rivals, *aliases(spin, gap, params.max_spin)], spin, SAME_SPIN / gap)
     information = 0.25 * _information(compared, FIRST_POINTS)  # a quarter of the pixels
@@ -397,11 +397,6 @@ def _neighbours(times: Array) -> np.ndarray:
     gaps = np.diff(times)
     first = np.flatnonzero(gaps < 1.5 * gaps.min())
     return np.stack([first, first + 1], axis=1)
-
-
-def _most_step(images: MarkImages, turn: float) -> float:
-    """Return the spin, rad/s, that turns the ball by `turn` (rad) in the shortest time between two frames."""
-    return turn / float(np.diff(images.times).min())
 
 
 def _information(compared: Comparison, points: int) -> Array:

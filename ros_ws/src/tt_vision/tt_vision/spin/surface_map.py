@@ -146,6 +146,12 @@ def motion_views(motion: BallMotion, burst: Burst) -> np.ndarray:
     return views
 
 
+@njit(cache=True, nogil=True)
+def shortest_gap(times: Array) -> float:
+    """Return the shortest time between two frames, s, from the times (frames,) of all frames."""
+    return np.diff(times).min()
+
+
 @njit(cache=True, nogil=True, forceinline=True)
 def view_optics(view: np.ndarray) -> Optics:
     """Return the intrinsics in one element of dtype VIEW."""

@@ -10,6 +10,7 @@ from numba import njit
 from tt_core.states import Array
 
 from .coarse_search import CoarseMaps, candidate_rotations, lattice, score_candidates
+from .surface_map import shortest_gap
 
 GRID_STEP = 0.14  # rad between neighbouring rotations for which scores are computed
 SPIN_STEP = 0.06  # rad per frame between neighbouring spins that are tried
@@ -42,7 +43,7 @@ def score_spins(maps: CoarseMaps, times: Array, max_spin: float) -> ScoredSpins:
         times: (frames,) s, rising.
         max_spin: rad/s, largest spin.
     """
-    gap, groups = float(np.diff(times).min()), _pairs_by_distance(times)
+    gap, groups = shortest_gap(times), _pairs_by_distance(times)
     grid = candidate_rotations(GRID_STEP, math.pi + GRID_STEP)
     scores = np.stack([score_candidates(maps, grid, pairs) for pairs in groups])
     spins = lattice(SPIN_STEP, min(max_spin * gap, math.pi)) / gap
@@ -73,7 +74,7 @@ def _pairs_by_distance(times: Array) -> list[np.ndarray]:
     first, second = np.triu_indices(len(times), 1)
     distances = times[second] - times[first]
     order = np.argsort(distances, kind="stable")
-    tolerance = SAME_DISTANCE * float(np.diff(times).min())
+    tolerance = SAME_DISTANCE * shortest_gap(times)
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > tolerance)
     pairs = np.stack([first, second], axis=1)[order]
     return [np.ascontiguousarray(group) for group in np.split(pairs, starts[1:])[:DISTANCES]]
