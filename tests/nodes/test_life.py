@@ -121,7 +121,7 @@ def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe,
     until(lambda: probe.count_subscribers("/rosout") > 0, probe)
     for number in (signal.SIGINT, signal.SIGTERM):
         recorder.send_signal(number)
-    # by the first signal if DDS hangs at the end: it is sent again after 2.5 s, see `tt_core.ros.node_main.run`
+    # by the first signal if DDS hangs at the end: it is sent again 2 s after `close`, see `tt_core.ros.node_main.run`
     assert recorder.wait(timeout=10.0) in (0, -signal.SIGINT, -signal.SIGTERM)
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
@@ -242,6 +242,13 @@ def test_a_node_that_hangs_while_it_is_destroyed_ends_by_the_signal(start, probe
     until(lambda: "hanging_end" in probe.get_node_names(), probe)
     node.send_signal(signal.SIGTERM)
     assert node.wait(timeout=120) == -signal.SIGTERM
+
+
+def test_a_node_that_is_never_made_ends_and_tells_where_it_hung(start, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    node = start("hanging_make")
+    assert node.wait(timeout=120) == 1
+    assert "hanging_make.py" in node.stderr.read()
 
 
 def test_a_node_that_hangs_after_it_refused_its_parameters_ends_by_the_signal(start, monkeypatch):

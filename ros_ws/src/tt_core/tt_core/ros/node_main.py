@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
-import math
 import os
 import signal
 import sys
@@ -12,7 +12,6 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +34,9 @@ from .params import changed_parameters
 from .presence import Presence
 from .restart import changeable_parameters, restart, watch_standstill
 
+START_TIMEOUT = 120.0  # s that a node may take to be made. One start takes 2 s, or 100 s if every function has to be compiled first
 THREADS = 1.0  # s that the threads of a node may take to end after its context
-# s that a process may take to end: from the signal on, and in any case from `close` on
-EXIT_TIMEOUT, LEAST_EXIT_TIMEOUT = 2.5, 0.5
+EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
 OWN_EXIT_TIMEOUT = 15.0  # s that a process may take to end by itself. A signal would hide its exit code, so this is longer
 
 
@@ -54,13 +53,16 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     command and the present parameters: after such a standstill Fast DDS sometimes never connects some publishers and subscriptions again. A
     node whose attribute `kept_parameters` is None goes on instead. Otherwise these parameters, by name, are given to the new process, too.
 
+    A node that is not made within 120 s, because DDS or a library never returns, ends the process with exit code 1 and the stacks of its
+    threads, so that a launch file starts it again. Functions that were compiled until then are not compiled again.
+
     Bad parameters, a TtError raised by `make`, end the process with one line and exit code 2. An exception in a callback or a thread of the
     node ends the process after `close`, with one line and exit code 1; the traceback is logged at the level DEBUG. Threads must end with
     the context; their errors after the end of the context are ignored.
 
     Sometimes Fast DDS deadlocks while its entities are destroyed (its issue 6502), and holds the global interpreter lock (GIL). Therefore
-    the end is bounded: a process that has received a signal is ended by this signal 2.5 s later, or 0.5 s after `close` if that is later;
-    a process that ends by itself is ended by SIGTERM after 15 s.
+    the end is bounded: a process that has received a signal is ended by this signal 2 s after `close`; a process that ends by itself is
+    ended by SIGTERM after 15 s.
 
     Args:
         make: Returns the node.
@@ -72,12 +74,14 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     set_segment(segment)
     _bound_clock()
     is_nice = _set_nice(priority.nice)
+    faulthandler.dump_traceback_later(START_TIMEOUT, exit=True)
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # RCLError: arguments of ROS that are none
         print(str(error).partition(", at /")[0], file=sys.stderr)
         raise SystemExit(2) from None
     node = _made(make)
+    faulthandler.cancel_dump_traceback_later()
     if node is None:
         end_by_signal(signal.SIGTERM, OWN_EXIT_TIMEOUT)
         gc.collect()  # what there is of the node goes, with the threads of its participant
@@ -102,7 +106,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
 
     Presence(node)
     _set_realtime(priority, is_nice)
-    received = _Received()
+    received = list[int]()
     try:
         with _signals(asked, received), watch_standstill(on_standstill):
             _log_ready(node)
@@ -110,17 +114,15 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     except Exception as error:
         crashes.append(error)
     finally:
-        if received.numbers:
-            end_by_signal(received.numbers[0], max(LEAST_EXIT_TIMEOUT, received.time + EXIT_TIMEOUT - time.monotonic()))
-        else:
-            end_by_signal(signal.SIGTERM, OWN_EXIT_TIMEOUT)
+        number, timeout = (received[0], EXIT_TIMEOUT) if received else (signal.SIGTERM, OWN_EXIT_TIMEOUT)
+        end_by_signal(number, timeout)
         rclpy.try_shutdown()
         _join_threads()
         _print_crashes(node, crashes)
         node.destroy_node()
     if crashes:
         raise SystemExit(1)
-    if kept and not received.numbers:
+    if kept and not received:
         restart(kept[0])
 
 
@@ -200,41 +202,19 @@ def _spin(node: Node, asked: Future) -> None:
             node.close()
 
 
-@dataclass
-class _Received:
-    """The signals SIGINT and SIGTERM that the process has received.
-
-    Attributes:
-        numbers: Number of each signal, in their order.
-        time: s, monotonic, when the first one came; infinite if none has come.
-    """
-
-    numbers: list[int] = field(default_factory=list)
-    time: float = math.inf
-
-    def note_time(self) -> None:
-        """Note that a signal has come by now."""
-        self.time = min(self.time, time.monotonic())
-
-
 @contextmanager
-def _signals(asked: Future, received: _Received) -> Iterator[None]:
-    """Note SIGINT and SIGTERM in `received`. The first one completes `asked`, a second one takes effect when the context is left."""
+def _signals(asked: Future, received: list[int]) -> Iterator[None]:
+    """Append SIGINT and SIGTERM to `received`. The first one completes `asked`, a second one takes effect when the context is left."""
     read, write = os.pipe()
 
     def wait() -> None:  # a thread, because Python's own handlers wait until the executor returns
-        if os.read(read, 1):
-            received.note_time()
+        os.read(read, 1)
         asked.set_result(None)
-
-    def on_signal(number: int, _: object) -> None:
-        received.numbers.append(number)
-        received.note_time()
 
     os.set_blocking(write, False)
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     for number in SIGNALS:
-        signal.signal(number, on_signal)
+        signal.signal(number, lambda number, _: received.append(number))
     threading.Thread(target=wait, name="signals", daemon=True).start()
     try:
         yield
@@ -242,8 +222,8 @@ def _signals(asked: Future, received: _Received) -> Iterator[None]:
         signal.set_wakeup_fd(-1)
         os.close(write)
         default_signals()
-        if len(received.numbers) > 1:
-            signal.raise_signal(received.numbers[-1])
+        if len(received) > 1:
+            signal.raise_signal(received[-1])
 
 
 def _join_threads() -> None:
