@@ -1,4 +1,4 @@
-"""A node that blocks forever while it is made, and holds the global interpreter lock (GIL) meanwhile."""
+"""A node whose constructor never returns, and holds the global interpreter lock (GIL)."""
 
 import ctypes
 
@@ -9,7 +9,7 @@ node_main.START_TIMEOUT = 2.0  # s instead of 120, to shorten the test
 
 
 class HangingMake(Node):
-    """Is never made."""
+    """Blocks in its constructor."""
 
     def __init__(self) -> None:
         super().__init__("hanging_make")

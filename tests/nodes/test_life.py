@@ -271,7 +271,7 @@ def test_a_node_without_permission_for_its_priority_says_so_and_runs(ros, probe,
 
 
 def segments(pid):
-    """The sizes (bytes) of the shared memory segments of Fast DDS that a process has mapped: its own and those of other participants."""
+    """Return the sizes (bytes) of all Fast DDS shared memory segments that a process has mapped, its own and those of others."""
     lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     mapped = [line.split()[0].split("-") for line in lines if re.search(r"/fastrtps_[0-9a-f]{16}$", line)]
     return [int(end, 16) - int(begin, 16) for begin, end in mapped]

@@ -49,7 +49,7 @@ def test_a_callback_that_takes_long_is_no_standstill():
 
 
 def test_a_view_goes_on(start, until, probe):
-    """It is not restarted: on a busy machine its low priority makes it stand still often."""
+    """A view that stood still is not restarted, because a process of low priority often stands still on a busy machine."""
     view, printed = start("tt_bringup.view_node", "--ros-args", "-p", "port:=0"), []
 
     def addresses():

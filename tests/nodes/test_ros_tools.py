@@ -166,6 +166,6 @@ def check_diagnostics(probe, until, arrays):
             times.setdefault(status.name, []).append(seconds(message.header.stamp))
     assert nodes <= times.keys()
     for name in nodes:
-        assert np.median(np.diff(times[name])) < 1.5, name  # s; a busy machine delays single ones
+        assert max(np.diff(times[name])) < 1.5, name  # s; a timer on a busy machine
     hardware = {status.name: status.hardware_id for message in arrays for status in message.status}
     assert hardware["arm"] == "pa10" and hardware["sim"] == "simulator"

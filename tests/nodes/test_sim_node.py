@@ -43,7 +43,7 @@ def test_a_launch_becomes_images_and_its_end_is_told(start, probe, until):
     probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
-    until(lambda: len(infos) == 2, probe)
+    until(lambda: len(infos) == 2 and probe.count_publishers("/sim/ball") == 1, probe)
     until_subscriptions_are_known(probe, until)
 
     first, second = client.call_async(Trigger.Request()), client.call_async(Trigger.Request())
@@ -140,6 +140,7 @@ def test_the_wide_cameras_tell_where_they_see_the_ball(start, probe, until):
     probe.create_subscription(DiagnosticArray, "/diagnostics", statuses.append, RELIABLE)
     client = probe.create_client(Trigger, "/launcher/launch")
     until(client.service_is_ready, probe)
+    until(lambda: probe.count_publishers("/sim/ball") == 1 and probe.count_publishers("/camera/wide_right/ball") == 1, probe)
     until_subscriptions_are_known(probe, until)
     client.call_async(Trigger.Request())
     until(lambda: any(t.event is Event.BALL_OVER for m in statuses for t in read_status(m)), probe)

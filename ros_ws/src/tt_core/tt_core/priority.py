@@ -54,16 +54,17 @@ def set_nice(nice: int) -> None:
 
 
 def reset_nice(pid: int) -> None:
-    """Let another process of this user, which has called `set_nice`, compete like others again, as far as the system permits it.
+    """Set the nice value of another process of this user, and of the session that it leads, back to 0, as far as the system permits it.
 
-    The nice value of its session is reset without a permission, that of the process itself only with one (ulimit -e).
+    Any user may reset the nice value of a session. That of a process takes a permission (ulimit -e); without it the value stays as it is.
 
     Args:
         pid: Number of the process.
     """
-    for reset in (lambda: Path(f"/proc/{pid}/autogroup").write_text("0"), lambda: os.setpriority(os.PRIO_PROCESS, pid, 0)):
-        with suppress(OSError):
-            reset()
+    with suppress(OSError):
+        Path(f"/proc/{pid}/autogroup").write_text("0")
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, pid, 0)
 
 
 def set_realtime(level: int) -> None:

@@ -28,7 +28,7 @@ from ..world.launcher import LauncherParams, launch
 from .camera_faults import CameraFaults, arrivals
 from .camera_sequence import camera_sequence
 
-CLOSE_TIMEOUT = 0.5  # s for which `close` waits for the end of the process, which has been killed
+CLOSE_TIMEOUT = 0.5  # s, at most, that `close` waits until the killed process has ended
 NICE = 10  # lower priority than nodes have: a launch that is rendered late flies later, but a node that is late misses the ball
 KILL_WITH_PARENT = ("setpriv", "--pdeathsig", "KILL") if shutil.which("setpriv") else ()  # the kernel ends the process with its parent
 
@@ -139,7 +139,7 @@ class RenderWorker:
             raise EOFError("the process that renders has ended") from error
 
     def close(self) -> None:
-        """End the process. With its low priority that could take seconds on a busy machine, so it gets the usual one."""
+        """Kill the process. Its priority is raised first: at the low one it would take seconds to end on a busy machine."""
         self._closed = True
         if self._process.poll() is not None:
             return

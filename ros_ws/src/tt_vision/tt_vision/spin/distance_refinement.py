@@ -27,7 +27,7 @@ TRUST = 1 / 9  # weight of the information in the marks, because errors of the l
 
 
 def refine_distance(burst: Burst, motion: BallMotion, surface: SurfaceMap, spin: Array, search: SearchParams) -> BallMotion:
-    """Refine the distance of the ball from the only camera.
+    """Refine the distance between the ball and the camera, for a burst that a single camera has taken.
 
     The result is the distance at which the marks (dots on the ball) agree best in all images, weighted with the distance from the outlines.
 
