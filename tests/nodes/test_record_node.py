@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import rclpy
@@ -144,6 +145,18 @@ def test_a_killed_recorder_leaves_what_can_be_saved(start, probe, until, tmp_pat
 
 def image(size=100_000):
     return Image(height=100, width=size // 100, step=size // 100, encoding="mono8", data=bytes(size))
+
+
+def test_a_recorder_that_hangs_while_it_is_destroyed_leaves_a_whole_bag(start, probe, until, monkeypatch, tmp_path):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    sender, bag = probe.create_publisher(Point, "/sensor", RELIABLE), tmp_path / "bag"
+    recorder = start("hanging_recorder", "--ros-args", "-p", f"output:={bag}")
+    until(lambda: sender.get_subscription_count(), probe)
+    sender.publish(Point(x=1.0))
+    until(lambda: sender.wait_for_all_acked(rclpy.duration.Duration(seconds=1)), probe)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(timeout=120) == -signal.SIGINT
+    assert contents(bag)[0]["/sensor"] == [serialize_message(Point(x=1.0))]
 
 
 def test_a_full_disk_is_told_and_holds_nothing_up(start, probe, until, tmp_path):

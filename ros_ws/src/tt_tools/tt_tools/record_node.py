@@ -252,10 +252,12 @@ class RecordNode(Node):
                     self._describe(deserialize_message(data, String).data)
 
     def close(self) -> None:
-        """Record the messages that still wait, close the bag, and print its summary."""
+        """Record the messages that still wait, close the bag, and print its summary.
+
+        The subscriptions are destroyed later, because Fast DDS sometimes never returns from that (its issue 6502), and the bag must be
+        complete by then.
+        """
         self._take()
-        for topic in self._topics.values():
-            topic.handle.destroy_when_not_in_use()
         try:
             summary = self._recording.close()
         except BagError as error:
@@ -269,6 +271,12 @@ class RecordNode(Node):
             except BagError as error:
                 print(error, file=sys.stderr, flush=True)
         print(f"recorded {summary}", file=sys.stderr if self.failed else sys.stdout, flush=True)
+
+    def destroy_node(self) -> None:
+        """Destroy the subscriptions, which the base class does not know, and the node."""
+        for topic in self._topics.values():
+            topic.handle.destroy_when_not_in_use()
+        super().destroy_node()
 
 
 def main() -> None:
