@@ -23,9 +23,9 @@ def incoming(rng):
     return np.concatenate([place, velocity, rng.normal(0.0, 150.0, 3)])
 
 
-def play(learner, truth, rng):
-    """One ball: what a tracker finds out about it, with the errors that it knows of."""
-    factors = truth + BALL * rng.normal(size=7)
+def play(learner, truth, rng, scale=1.0):
+    """One ball: what a tracker finds out about it, with the errors that it knows of. Return the logarithms of its factors."""
+    factors = truth + scale * BALL * rng.normal(size=7)
     prior, noise = np.diag(learner.spreads[:OF_BALL] ** 2), np.diag((0.5 * SESSION[:OF_BALL]) ** 2)
     gain = prior @ np.linalg.inv(prior + noise)
     residual = factors[:OF_BALL] - learner.logarithms[:OF_BALL] + np.sqrt(np.diag(noise)) * rng.normal(size=OF_BALL)
@@ -39,12 +39,13 @@ def play(learner, truth, rng):
     gain = covariance @ np.linalg.inv(covariance + np.diag(SEEN**2))
     posterior = expected.ball.vector + gain @ (seen - expected.ball.vector)
     learner.add_return(expected, BallState.from_vector(0.0, posterior, covariance - gain @ covariance))
+    return factors
 
 
 def test_a_session_is_learnt_as_well_as_told():
     rng, distances = np.random.default_rng(0), []
     for _ in range(12):
-        truth, learner = SESSION * rng.normal(size=7), PhysicsLearner(PHYSICS)
+        truth, learner = SESSION * rng.normal(size=7), PhysicsLearner(PHYSICS, LearningParams(ball_scales=(1.0, 1.0, 1.0)))
         for _ in range(10):
             play(learner, truth, rng)
         sigma = np.sqrt(learner.spreads**2 - BALL**2)
@@ -52,6 +53,21 @@ def test_a_session_is_learnt_as_well_as_told():
         assert (sigma[OF_BALL:] < 0.5 * SESSION[OF_BALL:]).all()
     # 84 numbers, of which the mean square scatters by 0.15
     assert np.mean(np.square(distances)) == pytest.approx(1.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("session", "scale"), [(1.0, 1.0), (0.0, 5.0)])
+def test_the_next_ball_differs_from_what_was_learnt_as_much_as_told(session, scale):
+    """Whether the balls of a session are alike, or all the difference is from ball to ball."""
+    rng, distances = np.random.default_rng(2), []
+    for _ in range(6):
+        truth, learner = session * SESSION * rng.normal(size=7), PhysicsLearner(PHYSICS)
+        for number in range(30):
+            learnt, spreads = learner.logarithms, learner.spreads
+            factors = play(learner, truth, rng, scale)
+            if number >= 10:
+                distances.append((factors - learnt) / spreads)
+    # 840 numbers, those of a session depend on each other; a filter for alike balls has 20 where all the difference is from ball to ball
+    assert np.mean(np.square(distances)) == pytest.approx(1.0, abs=0.3)
 
 
 def test_the_next_ball_is_played_with_what_was_learnt():

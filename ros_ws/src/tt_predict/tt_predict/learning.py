@@ -1,10 +1,10 @@
 """Learn the coefficients of the models from ball to ball, from incoming flights and from returns.
 
-The learnt quantities are the logarithms of the seven factors of `tt_core.factors`, by which the coefficients are multiplied. They have a
-common normal distribution, which a Kalman filter updates. An incoming flight gives information on the first five, which the tracker
-estimates with every ball. A return gives information on the two factors of the rubber: the ball after the contact is predicted from the
-ball before it and the racket, and compared with the ball that the cameras see. A single ball differs from the others of its session, so
-the filter also has a spread from ball to ball. An observation that is too far from its expectation is not used.
+The learnt quantities are the logarithms of the seven factors of `tt_core.factors`, by which the coefficients are multiplied. An incoming
+flight gives information on the first five, which the tracker estimates with every ball. A return gives information on the two factors of
+the rubber: the ball after the contact is predicted from the ball before it and the racket, and compared with the ball that the cameras see.
+A `FactorFilter` each learns the five and the two. It finds out how much single balls differ from the others of their session: where they
+differ much, little is learnt from each. An observation that is too far from its expectation is not used.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from tt_core.arrays import POSITION, SPIN, VELOCITY, Array
-from tt_core.errors import BadShape, check_array
+from tt_core.errors import check_array
 from tt_core.factors import FACTORS, OF_BALL, scaled
 from tt_core.params import check, param
 from tt_core.physics import Physics
 from tt_core.states import BallState, RacketState
+
+from .factor_filter import FactorFilter
 
 OF_RUBBER = slice(OF_BALL, len(FACTORS))
 DIFFERENCE_STEPS = np.concatenate(
@@ -39,9 +41,22 @@ class LearningParams:
         "",
         "standard deviations, from session to session, of the factors on drag, lift, restitution, friction and grip of the table, "
         "restitution and grip of the rubber",
+        low=1e-5,
+        high=1.0,
     )
     ball_spreads: tuple[float, ...] = param(
-        (0.008, 0.02, 0.002, 0.01, 0.016, 0.006, 0.008), "", "the same from ball to ball in a session, in the order of session_spreads"
+        (0.008, 0.02, 0.002, 0.01, 0.016, 0.006, 0.008),
+        "",
+        "the same from ball to ball in a session, in the order of session_spreads",
+        low=1e-5,
+        high=1.0,
+    )
+    ball_scales: tuple[float, ...] = param(
+        (1.0, 2.0, 5.0),
+        "",
+        "factors on ball_spreads, of which the balls tell which is right; if all are equal, the spreads are taken as known",
+        low=0.01,
+        high=100.0,
     )
     drift: float = param(
         0.02, "", "standard deviation of the change from one ball to the next, as a share of session_spreads", low=0.0, high=1.0
@@ -62,10 +77,6 @@ class LearningParams:
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         check(self)
-        for name in ("session_spreads", "ball_spreads"):
-            values = getattr(self, name)
-            if len(values) != len(FACTORS):
-                raise BadShape(name, (len(values),), (len(FACTORS),))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +94,7 @@ class ExpectedReturn:
 
 
 class PhysicsLearner:
-    """Kalman filter that learns the factors on the coefficients of the models from ball to ball."""
+    """Learns the factors on the coefficients of the models from ball to ball."""
 
     def __init__(self, physics: Physics, params: LearningParams | None = None) -> None:
         """Start from given models, with the uncertainty that the factors have from session to session.
@@ -93,23 +104,26 @@ class PhysicsLearner:
             params: How fast and how far to learn; None for the default.
         """
         self.params, self._models = params or LearningParams(), physics
-        self._session, self._ball = np.array(self.params.session_spreads), np.array(self.params.ball_spreads)
-        self._mean, self._covariance = np.zeros(len(FACTORS)), np.diag(self._session**2)
+        session, ball = np.array(self.params.session_spreads), np.array(self.params.ball_spreads)
+        self._air_and_table, self._rubber = (
+            FactorFilter(session[part], ball[part], self.params.ball_scales, self.params.drift, self.params.farthest)
+            for part in (slice(OF_BALL), OF_RUBBER)
+        )
 
     @property
     def logarithms(self) -> Array:
         """Logarithms (7,) of the factors learnt so far, in the order of FACTORS; 0 is a factor of 1."""
-        return self._mean.copy()
+        return np.concatenate([self._air_and_table.mean, self._rubber.mean])
 
     @property
     def physics(self) -> Physics:
         """The models with their coefficients multiplied by the learnt factors."""
-        return scaled(self._models, self._mean)
+        return scaled(self._models, self.logarithms)
 
     @property
     def spreads(self) -> Array:
         """Standard deviations (7,) of the logarithms of the next ball's factors about the learnt ones, in the order of FACTORS."""
-        return np.asarray(np.sqrt(np.diag(self._covariance) + self._ball**2))
+        return np.sqrt(np.concatenate([np.diag(self._air_and_table.covariance), np.diag(self._rubber.covariance)]))
 
     def add_flight(self, logarithms: Array, covariance: Array) -> bool:
         """Learn from an incoming flight, whose tracker had `physics` as models and `spreads` as prior standard deviations.
@@ -128,8 +142,7 @@ class PhysicsLearner:
         """
         found = check_array("logarithms", logarithms, (OF_BALL,))
         posterior = check_array("covariance", covariance, (OF_BALL, OF_BALL))
-        before = np.diag(self.spreads[:OF_BALL] ** 2)
-        return self._learn(self._covariance[:, :OF_BALL] @ np.linalg.inv(before), before, found, posterior)
+        return self._air_and_table.add(np.diag(self.spreads[:OF_BALL] ** 2), found, posterior, self.params.gate)
 
     def expect_return(self, ball: BallState, racket: RacketState, turning: Array) -> ExpectedReturn | None:
         """Predict the state of the ball after its contact with the racket.
@@ -176,11 +189,11 @@ class PhysicsLearner:
         inputs[CHANGED_BALL, CHANGED_BALL] = ball.covariance
         inputs[CHANGED_VELOCITY, CHANGED_VELOCITY] = np.eye(3) * self.params.racket_velocity**2
         inputs[CHANGED_ANGLES, CHANGED_ANGLES] = np.eye(2) * self.params.racket_angle**2
-        inputs[CHANGED_RUBBER, CHANGED_RUBBER] = self._covariance[OF_RUBBER, OF_RUBBER] + np.diag(self._ball[OF_RUBBER] ** 2)
+        inputs[CHANGED_RUBBER, CHANGED_RUBBER] = self._rubber.covariance
         return ExpectedReturn(BallState.from_vector(ball.time, middle, jacobian @ inputs @ jacobian.T), jacobian[:, CHANGED_RUBBER])
 
     def add_return(self, expected: ExpectedReturn, seen: BallState) -> bool:
-        """Learn the factors of the rubber from a return.
+        """Learn the factors of the rubber from a return, by Rauch-Tung-Striebel smoothing.
 
         Args:
             expected: Result of `expect_return` for this contact.
@@ -195,33 +208,10 @@ class PhysicsLearner:
         before = expected.ball.covariance
         scale = np.sqrt(np.diag(before))
         inverse = np.linalg.pinv(before / np.outer(scale, scale), rcond=1e-10, hermitian=True) / np.outer(scale, scale)
-        return self._learn(
-            self._covariance[:, OF_RUBBER] @ expected.slopes.T @ inverse, before, seen.vector - expected.ball.vector, seen.covariance
-        )
-
-    def _learn(self, gain: Array, before: Array, change: Array, after: Array) -> bool:
-        """Update the factors by a tracker's estimate of a vector that depends on them (Rauch-Tung-Striebel smoothing).
-
-        Args:
-            gain: (7, n) smoother gain from this vector to the factors.
-            before: (n, n) covariance of the vector before the measurements.
-            change: (n,) change of its mean by the measurements.
-            after: (n, n) covariance after them.
-
-        Returns:
-            Whether it was used; False if the change is outside the gate.
-        """
-        step, gained = gain @ change, gain @ (before - after) @ gain.T
-        expected = np.diag(gained)
-        informative = expected > 1e-4 * self._session**2  # of the others nothing is learnt
-        if (step[informative] ** 2 > self.params.gate * expected[informative]).any():
-            return False
-        covariance = self._covariance - gained + np.diag((self.params.drift * self._session) ** 2)
-        values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
-        self._covariance = axes * np.maximum(values, 1e-10) @ axes.T
-        most = self.params.farthest * self._session
-        self._mean = np.clip(self._mean + step, -most, most)
-        return True
+        prior = self._rubber.covariance
+        gain = prior @ expected.slopes.T @ inverse
+        posterior = prior - gain @ (before - seen.covariance) @ gain.T
+        return self._rubber.add(prior, gain @ (seen.vector - expected.ball.vector), posterior, self.params.gate)
 
 
 def _rebounded(ball: Array, racket: RacketState, turning: Array, physics: Physics) -> Array | None:
