@@ -236,6 +236,13 @@ def test_a_crash_in_a_thread_ends_the_node(ros, monkeypatch):
     check_named(node.stderr.splitlines()[-1], "RuntimeError", "crashing_thread.py")
 
 
+def test_a_node_that_ends_its_context_itself_ends_well(start, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    node = start("ending_itself")
+    assert node.wait(timeout=120) == 0
+    assert "Exception" not in node.stderr.read()
+
+
 def test_a_node_that_hangs_while_it_is_destroyed_ends_by_the_signal(start, probe, until, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
     node = start("hanging_end")

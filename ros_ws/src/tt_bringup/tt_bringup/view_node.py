@@ -88,8 +88,6 @@ class ViewNode(Node):
         physics, self.status, self.readings = declare_physics(self), Status(self), Readings()
         token = params.token or ("" if is_loopback(params.host) else secrets.token_urlsafe(16))
         self.gate = Gate(params.host, params.port, token)
-        # never restarted after a standstill: on a busy machine a restart takes 30 s at NICE, and the next standstill follows
-        self.kept_parameters = None
         with redirect_stdout(StringIO()):  # viser would print its own address, which users reach through the gate only
             self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self.gate.open(self.server.get_port())

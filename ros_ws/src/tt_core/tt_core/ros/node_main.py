@@ -49,9 +49,12 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     When the node is ready it logs one line with its version and the parameters that differ from the defaults. A node may add to this line
     by an attribute `about`. A node whose name begins with _ logs nothing.
 
+    A node may end by `rclpy.try_shutdown()` in a callback. Callbacks that are due already still run, so they must check `rclpy.ok()`.
+
     A process that has stood still for so long that other nodes may have removed it from discovery is replaced by a new one with the same
     command and the present parameters: after such a standstill Fast DDS sometimes never connects some publishers and subscriptions again. A
     node whose attribute `kept_parameters` is None goes on instead. Otherwise these parameters, by name, are given to the new process, too.
+    A process with a low priority goes on, too: on a busy machine it would start anew again and again, as the next standstill follows soon.
 
     A node that is not made within 120 s, because DDS or a library never returns, ends the process with exit code 1 and the stacks of its
     threads, so that a launch file starts it again. Functions that were compiled until then are not compiled again.
@@ -98,7 +101,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     kept = list[dict[str, Any]]()  # parameter values for the restart after a standstill; empty if there is none
 
     def on_standstill(seconds: float) -> None:
-        parameters = getattr(node, "kept_parameters", {})
+        parameters = getattr(node, "kept_parameters", {}) if priority.nice <= 0 else None
         if parameters is not None and rclpy.ok():
             node.get_logger().warning(f"stood still for {seconds:.1f} s, for which other nodes may have lost this one: it starts anew")
             kept.append(changeable_parameters(node) | parameters)

@@ -46,6 +46,8 @@ class Presence:
         node.create_timer(PRESENCE_CHECK_INTERVAL, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _check(self) -> None:
+        if not self._node.context.ok():  # a callback has ended it, and this timer was due already
+            return
         now = time.monotonic()
         names = self._node.get_node_names_and_namespaces()
         known = {(name, space) for name, space in names if not name.startswith("_")}
