@@ -1,8 +1,10 @@
 """scripts/setup chooses where ROS comes from and says in one line what is missing."""
 
+import fcntl
 import os
 import shutil
 import subprocess
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 import pytest
@@ -49,10 +51,20 @@ def test_else_the_wheels_are_used(setup, prefix):
     assert setup("--plan", ROS_DISTRO="jazzy", AMENT_PREFIX_PATH="/no/such").stdout.startswith("ros=wheels ")
 
 
+def test_two_at_once_run_one_after_the_other(setup, tmp_path):
+    with (tmp_path / "tree" / "scripts" / "setup").open() as script, ThreadPoolExecutor() as executor:
+        fcntl.flock(script, fcntl.LOCK_EX)
+        second = executor.submit(setup, PYTHON="/no/such/python")  # it ends where it would make .venv
+        assert wait([second], timeout=2.0).not_done
+        fcntl.flock(script, fcntl.LOCK_UN)
+        done = second.result(timeout=120.0)
+    assert done.stdout.startswith("setup: waiting") and done.returncode == 1
+
+
 def test_no_interpreter_is_told_in_one_line(setup, tmp_path):
     tools = tmp_path / "bin"
     tools.mkdir()
-    for tool in ("bash", "cat", "dirname", "grep", "sha256sum", "tr", "uname"):
+    for tool in ("bash", "cat", "dirname", "flock", "grep", "sha256sum", "tr", "uname"):
         (tools / tool).symlink_to(shutil.which(tool))
     for done in (setup(PYTHON="/no/such/python"), setup(PATH=str(tools))):
         assert done.returncode == 1 and done.stderr.count("\n") == 1
