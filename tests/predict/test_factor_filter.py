@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tt_predict.factor_filter import FactorFilter
+from tt_predict.factor_filter import FIRST_PROBABILITY, FactorFilter
 
 SESSION, BALL = np.array([0.04, 0.1]), np.array([0.008, 0.02])
 SCALES = (1.0, 2.0, 5.0)
@@ -41,7 +41,7 @@ def test_equal_hypotheses_are_one_kalman_filter():
         gain = covariance @ np.linalg.inv(covariance + ball + NOISE)
         mean, covariance = mean + gain @ (measured - mean), covariance - gain @ covariance
         assert known.mean == pytest.approx(mean) and known.covariance == pytest.approx(covariance + ball)
-    assert known.probabilities == pytest.approx([0.5, 0.5])
+    assert known.probabilities[0] == pytest.approx(FIRST_PROBABILITY)  # no ball tells one from the other
 
 
 def test_it_notices_that_the_balls_differ_more_than_before():

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from tt_core.arrays import Array
 
+FIRST_PROBABILITY = 0.9  # of the first hypothesis at the start, which is what is expected; the others share the rest
 LEAST_PROBABILITY = 1e-3  # of each hypothesis, so that it can become the most probable one again when the balls change
 LEAST_VARIANCE = 1e-10  # of the logarithm of a factor
 INFORMATIVE = 1e-4  # an observation that reduces the variance of a factor by less than this share of the session's is not checked
@@ -28,12 +29,12 @@ class FactorFilter:
     """
 
     def __init__(self, session: Array, ball: Array, scales: Sequence[float], drift: float, farthest: float) -> None:
-        """Start with all factors 1 and equal probabilities.
+        """Start with all factors 1, and with the first hypothesis as the most probable one.
 
         Args:
             session: (n,) standard deviations of the logarithms from session to session.
             ball: (n,) standard deviations from ball to ball in a session, which the hypotheses multiply.
-            scales: (k,) factors on `ball`, the hypotheses.
+            scales: (k,) factors on `ball`, the hypotheses; at least two.
             drift: Standard deviation of the change of a session from one ball to the next, as a share of `session`.
             farthest: Largest logarithm that is learnt, as a multiple of `session`.
         """
@@ -41,7 +42,8 @@ class FactorFilter:
         self._balls = np.array([np.diag((scale * ball) ** 2) for scale in scales])
         self._means = np.zeros((len(scales), len(session)))
         self._covariances = np.repeat(np.diag(session**2)[None], len(scales), axis=0)
-        self.probabilities = np.full(len(scales), 1.0 / len(scales))
+        self.probabilities = np.full(len(scales), (1.0 - FIRST_PROBABILITY) / (len(scales) - 1))
+        self.probabilities[0] = FIRST_PROBABILITY
         self._combine()
 
     def _combine(self) -> None:

@@ -54,7 +54,7 @@ class LearningParams:
     ball_scales: tuple[float, ...] = param(
         (1.0, 2.0, 5.0),
         "",
-        "factors on ball_spreads, of which the balls tell which is right; if all are equal, the spreads are taken as known",
+        "factors on ball_spreads: the balls tell which is right, the first is expected; if all are equal, the spreads are known",
         low=0.01,
         high=100.0,
     )
