@@ -1,4 +1,4 @@
-"""A node that ends its context in a callback while the timers of its process are due."""
+"""A node that shuts its context down in a callback while other timers of its process wait in the executor's queue."""
 
 import time
 
@@ -11,7 +11,7 @@ BUSY = 0.3  # s, longer than the interval of each timer of the process
 
 
 class EndingItself(Node):
-    """Ends the context when it receives its sixth message, while in two of three runs other timers wait in the executor's queue."""
+    """Shuts the context down when it receives its sixth message. In two of three runs other timers wait in the executor's queue then."""
 
     def __init__(self) -> None:
         super().__init__("ending_itself")

@@ -121,7 +121,7 @@ def test_a_second_signal_waits_until_the_node_has_closed(start, tmp_path, probe,
     until(lambda: probe.count_subscribers("/rosout") > 0, probe)
     for number in (signal.SIGINT, signal.SIGTERM):
         recorder.send_signal(number)
-    # by the first signal if DDS hangs at the end: it is sent again 2 s after `close`, see `tt_core.ros.node_main.run`
+    # the first signal ends a process in which DDS hangs: `tt_core.ros.node_main.run` lets the kernel send it again 2 s after `close`
     assert recorder.wait(timeout=10.0) in (0, -signal.SIGINT, -signal.SIGTERM)
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
@@ -278,7 +278,7 @@ def test_a_node_without_permission_for_its_priority_says_so_and_runs(ros, probe,
 
 
 def segments(pid):
-    """Return the sizes (bytes) of all Fast DDS shared memory segments that a process has mapped, its own and those of others."""
+    """Return the sizes (bytes) of all Fast DDS shared memory segments that a process has mapped: its own and those of other processes."""
     lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     mapped = [line.split()[0].split("-") for line in lines if re.search(r"/fastrtps_[0-9a-f]{16}$", line)]
     return [int(end, 16) - int(begin, 16) for begin, end in mapped]

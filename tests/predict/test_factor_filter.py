@@ -1,4 +1,4 @@
-"""The filter finds out how much the balls of a session differ."""
+"""The filter estimates how much the balls of one session differ from each other."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ NOISE = np.diag((0.2 * SESSION) ** 2)
 
 
 def observe(known, factors, rng):
-    """One ball whose factors are measured with NOISE. Return whether it was used."""
+    """Give the filter one ball, whose factors are measured with NOISE. Return whether the filter used it."""
     prior = np.diag(np.diag(known.covariance))
     gain = prior @ np.linalg.inv(prior + NOISE)
     measured = rng.multivariate_normal(factors, NOISE)

@@ -57,7 +57,7 @@ def test_a_session_is_learnt_as_well_as_told():
 
 @pytest.mark.parametrize(("session", "scale"), [(1.0, 1.0), (0.0, 5.0)])
 def test_the_next_ball_differs_from_what_was_learnt_as_much_as_told(session, scale):
-    """Whether the balls of a session are alike, or all the difference is from ball to ball."""
+    """In the first case the balls of a session are alike. In the second one all sessions are alike, and the balls differ."""
     rng, distances = np.random.default_rng(2), []
     for _ in range(6):
         truth, learner = session * SESSION * rng.normal(size=7), PhysicsLearner(PHYSICS)
@@ -66,7 +66,7 @@ def test_the_next_ball_differs_from_what_was_learnt_as_much_as_told(session, sca
             factors = play(learner, truth, rng, scale)
             if number >= 10:
                 distances.append((factors - learnt) / spreads)
-    # 840 numbers, those of a session depend on each other; a filter for alike balls has 20 where all the difference is from ball to ball
+    # the mean of 840 numbers, of which those of one session depend on each other; a filter for alike balls has 20 in the second case
     assert np.mean(np.square(distances)) == pytest.approx(1.0, abs=0.3)
 
 

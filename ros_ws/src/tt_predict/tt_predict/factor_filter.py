@@ -13,14 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 from tt_core.arrays import Array
 
-FIRST_PROBABILITY = 0.9  # of the first hypothesis at the start, which is what is expected; the others share the rest
-LEAST_PROBABILITY = 1e-3  # of each hypothesis, so that it can become the most probable one again when the balls change
-LEAST_VARIANCE = 1e-10  # of the logarithm of a factor
-INFORMATIVE = 1e-4  # an observation that reduces the variance of a factor by less than this share of the session's is not checked
+FIRST_PROBABILITY = 0.9  # of the first hypothesis at the start; the other hypotheses have equal parts of the rest
+LEAST_PROBABILITY = 1e-3  # of each hypothesis; from 0 it could never rise again when the balls change
+LEAST_VARIANCE = 1e-10  # smallest variance of the logarithm of a factor
+INFORMATIVE = 1e-4  # the gate checks a factor if the ball reduces its variance by more than this share of the variance between sessions
 
 
 class FactorFilter:
-    """Kalman filters, one for each hypothesis, for the logarithms of n factors.
+    """Estimates the logarithms of n factors by several Kalman filters, each of which assumes another spread from ball to ball.
 
     Attributes:
         mean: (n,) logarithms of the session's factors, the mean over the hypotheses; 0 is a factor of 1.
@@ -29,12 +29,12 @@ class FactorFilter:
     """
 
     def __init__(self, session: Array, ball: Array, scales: Sequence[float], drift: float, farthest: float) -> None:
-        """Start with all factors 1, and with the first hypothesis as the most probable one.
+        """Start with factors of 1. The first hypothesis is the most probable one.
 
         Args:
             session: (n,) standard deviations of the logarithms from session to session.
             ball: (n,) standard deviations from ball to ball in a session, which the hypotheses multiply.
-            scales: (k,) factors on `ball`, the hypotheses; at least two.
+            scales: (k,) factors on `ball`, one for each hypothesis; at least two.
             drift: Standard deviation of the change of a session from one ball to the next, as a share of `session`.
             farthest: Largest logarithm that is learnt, as a multiple of `session`.
         """
@@ -47,7 +47,7 @@ class FactorFilter:
         self._combine()
 
     def _combine(self) -> None:
-        """Set mean and covariance of the mixture of all hypotheses."""
+        """Set `mean` and `covariance` to those over all hypotheses, weighted by their probabilities."""
         self.mean = self.probabilities @ self._means
         apart = self._means - self.mean
         spreads = self._covariances + self._balls + apart[:, :, None] * apart[:, None, :]
@@ -78,35 +78,36 @@ class FactorFilter:
         return True
 
     def _add(self, k: int, information: Array, vector: Array) -> float:
-        """Update the filter of a hypothesis by what the measurements alone tell.
+        """Update the Kalman filter of one hypothesis with the measurements of one ball.
 
         Args:
             k: Index of the hypothesis.
-            information: (n, n) inverse covariance of the ball's factors by the measurements alone; it may be singular.
-            vector: (n,) `information` times these factors, relative to `mean`.
+            information: (n, n) inverse covariance of the ball's factors from the measurements alone, without a prior. It may be singular.
+            vector: (n,) `information` times the ball's factors from the measurements alone, relative to `mean`.
 
         Returns:
-            Logarithm of the probability density of the measurements by this hypothesis, up to a constant.
+            Logarithm of the probability density of the measurements under this hypothesis, up to a constant.
         """
         before = self._covariances[k] + self._balls[k]
         inverse, apart = np.linalg.inv(before), self._means[k] - self.mean
         after = np.linalg.inv(inverse + information)
-        estimate = after @ (inverse @ apart + vector)
+        combined = inverse @ apart + vector
+        estimate = after @ combined
         gain = self._covariances[k] @ inverse
         covariance = self._covariances[k] - gain @ (before - after) @ gain.T + self._drift
         self._covariances[k] = _at_least(covariance, LEAST_VARIANCE)
         self._means[k] = np.clip(self._means[k] + gain @ (estimate - apart), -self._most, self._most)
         volumes = np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1]
-        return float(0.5 * (volumes + estimate @ (inverse @ apart + vector) - apart @ inverse @ apart))
+        return float(0.5 * (volumes + estimate @ combined - apart @ inverse @ apart))
 
 
 def _information(prior: Array, found: Array, posterior: Array) -> tuple[Array, Array]:
-    """Return what an estimate (n,) tells without its prior about 0: the inverse covariance (n, n), and its product with the mean (n,)."""
+    """Remove the prior, which has mean 0, from an estimate. Return the inverse covariance (n, n), and its product with the mean (n,)."""
     inverse = np.linalg.inv(_at_least(posterior, LEAST_VARIANCE))
     return _at_least(inverse - np.linalg.inv(prior), 0.0), inverse @ found
 
 
 def _at_least(matrix: Array, least: float) -> Array:
-    """Return a matrix (n, n) made symmetric, with eigenvalues not below `least`, which rounding may have made smaller."""
+    """Make a matrix (n, n) symmetric, and raise its eigenvalues to `least` where rounding has made them smaller."""
     values, axes = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray(axes * np.maximum(values, least) @ axes.T)

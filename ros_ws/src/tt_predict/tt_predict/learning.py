@@ -3,8 +3,8 @@
 The learnt quantities are the logarithms of the seven factors of `tt_core.factors`, by which the coefficients are multiplied. An incoming
 flight gives information on the first five, which the tracker estimates with every ball. A return gives information on the two factors of
 the rubber: the ball after the contact is predicted from the ball before it and the racket, and compared with the ball that the cameras see.
-A `FactorFilter` each learns the five and the two. It finds out how much single balls differ from the others of their session: where they
-differ much, little is learnt from each. An observation that is too far from its expectation is not used.
+One `FactorFilter` learns the five, another one the two. Each also estimates how much single balls differ from the others of their session:
+the more they differ, the less is learnt from one ball. An observation that is too far from its expectation is not used.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class LearningParams:
     ball_scales: tuple[float, ...] = param(
         (1.0, 2.0, 5.0),
         "",
-        "factors on ball_spreads: the balls tell which is right, the first is expected; if all are equal, the spreads are known",
+        "candidates for a factor on ball_spreads, weighted by how well they predict the balls; at the start the first has the most weight",
         low=0.01,
         high=100.0,
     )

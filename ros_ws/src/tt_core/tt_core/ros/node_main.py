@@ -34,7 +34,7 @@ from .params import changed_parameters
 from .presence import Presence
 from .restart import changeable_parameters, restart, watch_standstill
 
-START_TIMEOUT = 120.0  # s that a node may take to be made. One start takes 2 s, or 100 s if every function has to be compiled first
+START_TIMEOUT = 120.0  # s for rclpy.init and the constructor of a node, which usually take 2 s, or 100 s if all functions must be compiled
 THREADS = 1.0  # s that the threads of a node may take to end after its context
 EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
 OWN_EXIT_TIMEOUT = 15.0  # s that a process may take to end by itself. A signal would hide its exit code, so this is longer
@@ -49,12 +49,14 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     When the node is ready it logs one line with its version and the parameters that differ from the defaults. A node may add to this line
     by an attribute `about`. A node whose name begins with _ logs nothing.
 
-    A node may end by `rclpy.try_shutdown()` in a callback. Callbacks that are due already still run, so they must check `rclpy.ok()`.
+    A node may end by `rclpy.try_shutdown()` in a callback. Callbacks that wait in the executor's queue still run after that, so they must
+    check `rclpy.ok()` before they use the node.
 
     A process that has stood still for so long that other nodes may have removed it from discovery is replaced by a new one with the same
     command and the present parameters: after such a standstill Fast DDS sometimes never connects some publishers and subscriptions again. A
     node whose attribute `kept_parameters` is None goes on instead. Otherwise these parameters, by name, are given to the new process, too.
-    A process with a low priority goes on, too: on a busy machine it would start anew again and again, as the next standstill follows soon.
+    A process with a low priority (`priority.nice` above 0) also goes on: on a busy machine it stands still so often that it would never
+    finish to start anew.
 
     A node that is not made within 120 s, because DDS or a library never returns, ends the process with exit code 1 and the stacks of its
     threads, so that a launch file starts it again. Functions that were compiled until then are not compiled again.

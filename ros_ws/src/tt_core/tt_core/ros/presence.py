@@ -46,7 +46,7 @@ class Presence:
         node.create_timer(PRESENCE_CHECK_INTERVAL, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _check(self) -> None:
-        if not self._node.context.ok():  # a callback has ended it, and this timer was due already
+        if not self._node.context.ok():  # another callback has shut it down while this timer waited in the executor's queue
             return
         now = time.monotonic()
         names = self._node.get_node_names_and_namespaces()
