@@ -48,5 +48,5 @@ def draw(metrics: dict[str, float], file: Path) -> None:
                     found[float(match[1])] = 1e3 * value
             points = " ".join(f"{_x(ahead):.1f},{_y(found[ahead]):.1f}" for ahead in sorted(found, reverse=True))
             parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"{dash}/>')
-        parts.append(f'<text x="{WIDTH - 150}" y="{TOP + 4 + 18 * k}" fill="{colour}">{label}</text>')
+        parts.append(f'<text x="{LEFT + 12}" y="{HEIGHT - BOTTOM - 30 + 18 * k}" fill="{colour}">{label}</text>')
     file.write_text("\n".join([*parts, "</svg>"]) + "\n")
