@@ -202,7 +202,7 @@ def main():
     if args.nodes:
         rows, captured, _ = latency.run(args.nodes, track=True)
         metrics["method2_ms"] = latency.method2_ms(captured)
-        metrics |= latency.of_corrections(latency.by_cameras(rows)[1], metrics["method2_ms"])
+        metrics |= latency.of_wide_frames(latency.by_cameras(rows)[1], metrics["method2_ms"])
     report("feedback", args.balls, metrics, args.json)
     if args.figure:
         draw(metrics, args.figure)

@@ -4,7 +4,8 @@
 keep, in ms, and as shares of the median of Method 2. That runs in this process on bursts of the same run: those of the CAPTURED balls that
 follow the timed ones, so that taking the images disturbs no timed ball. `measure` is timed on the same bursts. Times of calls are what one
 core spends, warm. --track lets the wide cameras follow the ball, so that there is a state between measurement and path. Then the way from a
-wide camera's frame to the command that a correction of the swing begins with is timed, too.
+wide camera's frame to the command that a swing begins with is timed, too, for corrections of a swing for the same ball (camera_to_command)
+and for first swings (camera_to_first_command), and so is the way of a correction from the state's message to the planned swing.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from method2 import method_2
+from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -76,6 +78,11 @@ class Watch(Node):
         self.latencies = defaultdict[str, dict[str, float]](dict)  # ms by hop, by the stamp of the last frame
         self.images: list[tuple[int, bytes]] = []
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
+        self.create_subscription(Odometry, "/ball/state", self.on_state, RELIABLE)
+
+    def on_state(self, message: Odometry, info: dict[str, int]) -> None:
+        time = stamp_seconds(message.header.stamp)
+        self.latencies[f"{time:.9f}"].setdefault("tracked", 1e3 * (1e-9 * info["source_timestamp"] - time))
 
     def capture(self) -> None:
         for side, name in enumerate(SIDES):
@@ -96,6 +103,8 @@ class Watch(Node):
                 if "command" in row:
                     row.setdefault("decision", latency)  # the swing stays as it is
                 continue
+            if status.event is Event.SWING:
+                row["corrects"] = status.values["corrects"] == "True"
             first, refined = ON_FIRST.get(status.event), ON_REFINED.get(status.event)
             if first is not None and first not in row:
                 row[first] = latency
@@ -182,10 +191,12 @@ def shares(name: str, times: list[float], yardstick: float) -> dict[str, float]:
     return metrics
 
 
-def of_corrections(followed: list[dict[str, float]], yardstick: float) -> dict[str, float]:
-    """From the stamp of a wide frame to the command that begins its correction, and of that from state to swing."""
-    metrics = shares("camera_to_command", [row["command"] for row in followed if "command" in row], yardstick)
-    swings = [row["swing"] - row["state"] for row in followed if row.keys() >= {"state", "swing"}]
+def of_wide_frames(followed: list[dict[str, float]], yardstick: float) -> dict[str, float]:
+    """From the stamp of a wide frame to the command that begins a swing, and from state to swing; the latter for corrections only."""
+    metrics = {}
+    for name, corrects in (("camera_to_command", True), ("camera_to_first_command", False)):
+        metrics |= shares(name, [row["command"] for row in followed if "command" in row and row.get("corrects") == corrects], yardstick)
+    swings = [row["swing"] - row["tracked"] for row in followed if row.keys() >= {"tracked", "swing"} and row["corrects"]]
     return metrics | shares("state_to_swing", swings, yardstick)
 
 
@@ -204,7 +215,7 @@ def main() -> None:
     metrics |= {"measure_ms_p50": float(np.median(called)), "measure_share_p50": float(np.median(called)) / yardstick}
     for hop in HOPS:
         metrics |= shares(f"frame_to_{hop}", [row[hop] for row in measured if hop in row], yardstick)
-    metrics |= of_corrections(followed, yardstick)
+    metrics |= of_wide_frames(followed, yardstick)
     report("latency", args.balls, metrics, args.json)
 
 

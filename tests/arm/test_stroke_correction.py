@@ -6,7 +6,7 @@ from arm.dissertation_strokes import printed
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import ReachParams, reach
-from tt_arm.stroke_correction import between, corrections, postures, stroke_distance
+from tt_arm.stroke_correction import between, by_distance, corrections, postures, stroke_distances
 from tt_arm.stroke_selection import PlannedStroke, SelectionParams, select_stroke
 from tt_arm.swing import SwingLimits
 from tt_core.states import RacketState
@@ -20,11 +20,16 @@ def moved(shift, time=FIRST.time):
 
 def test_the_nearest_candidate_is_first_and_half_of_the_way_after_its_neighbour():
     same, later, far = moved([0.02, 0, 0]), moved([0.04, 0, 0] + 0.012 * FIRST.velocity, FIRST.time + 0.012), moved([0.3, 0, 0])
-    found = corrections([far, later, same], FIRST)
+    candidates = [far, later, same]
+    order = by_distance(candidates, FIRST)
+    assert order == [2, 1, 0]
+    found = corrections(candidates, order, FIRST)
     assert [one.candidate for one in found] == [2, 1, 2, 0, 0]
     assert found[0].racket is same
     assert found[2].racket.position == pytest.approx(FIRST.position + [0.01, 0, 0])
-    assert stroke_distance(FIRST, found[2].racket) == pytest.approx(0.5 * stroke_distance(FIRST, same))
+    half, whole = stroke_distances(FIRST, [found[2].racket, same])
+    assert half == pytest.approx(0.5 * whole)
+    assert stroke_distances(FIRST, []).shape == (0,)
 
 
 def test_half_way_is_between_in_everything():

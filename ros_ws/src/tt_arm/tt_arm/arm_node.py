@@ -29,14 +29,14 @@ from tt_core.params import check, param
 from tt_core.priority import CONTROL, RESPONSE, set_thread_realtime
 from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
-from tt_core.ros.convert import joints_from_message, seconds, strokes_from_message, swing_to_message
+from tt_core.ros.convert import StampedStrokes, joints_from_message, strokes_from_bytes, swing_to_message
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STROKES, PUBLISHER_CHECK_INTERVAL, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST
 from tt_core.ros.refusals import Refusals
-from tt_core.states import Array
+from tt_core.states import Array, RacketState
 
 from .arm_file import InstalledArm
 from .control import ArmControl, ControlParams, ControlStep, warm
@@ -134,8 +134,8 @@ class ArmNode(Node):
         check_feasible(model, self.control.limits)
         check_guard(model, self.control.limits, guard)
         sys.setswitchinterval(THREAD_SWITCH_INTERVAL)
-        self.strokes: MultiDOFJointTrajectory | None = None  # the newest, for the planning thread
-        self.planned: MultiDOFJointTrajectory | None = None  # those that it took last
+        self.strokes: StampedStrokes | None = None  # the newest, for the planning thread
+        self.planned: StampedStrokes | None = None  # those that it took last
         self.arrival, self.ending = threading.Event(), False
         self.stream: PositionStream | None = None
         if params.commands == "trajectory":
@@ -156,6 +156,7 @@ class ArmNode(Node):
             LATEST,
             largest=LARGEST_STROKES,
             refused=self.refused_strokes,
+            read=strokes_from_bytes,
         )
         self.status.wait_for((self.states, candidates))
         self.clock_offset = params.clock_offset
@@ -237,9 +238,9 @@ class ArmNode(Node):
             points = self.stream.points(self.monotonic(), self.control.joints.q, command)
             self.commands.publish(swing_to_message(self.joints, 0.0, *points))  # a stamp of 0: from the time of arrival on
 
-    def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
-        """Pass a message with candidate strokes to the planning thread; it replaces an older message that is not planned yet."""
-        self.strokes = message
+    def on_strokes(self, strokes: StampedStrokes) -> None:
+        """Pass candidate strokes to the planning thread; they replace older ones for which no swing is planned yet."""
+        self.strokes = strokes
         self.arrival.set()
 
     def plan(self) -> None:
@@ -250,33 +251,36 @@ class ArmNode(Node):
             self.arrival.clear()
             if self.ending:
                 return
-            message, self.strokes = self.strokes, None
-            if message is None:
+            strokes, self.strokes = self.strokes, None
+            if strokes is None:
                 continue
-            self.planned = message
+            self.planned = strokes
             try:
-                self.take(message)
+                self.take(*strokes)
             except TtError as error:
                 self.refused_strokes(error)
             except Exception as error:  # the servo goes on without a new plan
                 if not self.ending:
                     failure = Failure(ArmStop.PLANNING_FAILED, error=f"{type(error).__name__}: {error}")
                     self.get_logger().error(str(failure), throttle_duration_sec=1.0)
-                    self.report_no_swing(seconds(message.header.stamp), failure)
+                    self.report_no_swing(strokes.time, failure)
 
-    def take(self, message: MultiDOFJointTrajectory) -> None:
-        """Plan a swing for the candidate strokes of a message, and publish it, or the reasons why there is none.
+    def take(self, stamp: float, rackets: list[RacketState]) -> None:
+        """Plan a swing for candidate strokes, and publish it, or the reasons why there is none.
 
-        Raises TtError for an invalid message.
+        Raises TtError for strokes that cannot be used.
+
+        Args:
+            stamp: s, of the last frame that the strokes are based on.
+            rackets: The candidates in order of preference.
         """
-        stamp = seconds(message.header.stamp)
         failure = self.wrong_clock(stamp)
         if failure is not None:
             self.report_no_swing(stamp, failure)
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         self.frame_time = stamp  # set before the plan: the servo thread may begin the swing before `take` returns
-        selected = self.control.take(strokes_from_message(message))
+        selected = self.control.take(rackets)
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
             is_kept = selected.refused is not None and selected.refused.code in NORMAL_REASONS
@@ -289,6 +293,7 @@ class ArmNode(Node):
             stamp=stamp,
             reason=first,
             chosen=selected.index,
+            corrects=selected.corrects,
             strike=f"{selected.swing.strike_time:.6f}",
             earliest=f"{selected.swing.earliest:.6f}",
             ratio=f"{selected.reach.ratio:.3f}",

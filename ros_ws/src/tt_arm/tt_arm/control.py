@@ -30,7 +30,7 @@ from .safety.guard import Guard, GuardParams
 from .safety.joint_states import JointStateCheck, JointStateParams
 from .safety.stops import ArmStop
 from .servo import ServoParams, follow
-from .stroke_correction import stroke_distance
+from .stroke_correction import stroke_distances
 from .stroke_selection import PlannedStroke, Refusal, SelectionParams, StrokeSelection, select_sooner, select_stroke
 from .swing import Swing, SwingLimits, plan, strike
 from .trajectory.legs import make_leg
@@ -53,7 +53,7 @@ class ControlParams:
     )
     replan: bool = param(True, "", "whether newer strokes for the ball on its way may change the swing")
     replan_distance: float = param(
-        0.002, "m", "distance of a newer stroke from the present one, below which the swing stays; see `stroke_distance`", low=0.0, high=1.0
+        0.002, "m", "distance of a newer stroke from the present one, below which the swing stays; see `stroke_distances`", low=0.0, high=1.0
     )
     same_ball: float = param(
         0.2,
@@ -70,7 +70,7 @@ class ControlParams:
         high=1.0,
     )
     largest_correction: float = param(
-        1.0, "m", "distance of a newer stroke from the present one, above which the swing stays; see `stroke_distance`", low=0.0, high=10.0
+        1.0, "m", "distance of a newer stroke from the present one, above which the swing stays; see `stroke_distances`", low=0.0, high=10.0
     )
     hurry: float = param(
         1.0,
@@ -324,7 +324,7 @@ class ArmControl:
         if current is not None and any(abs(r.time - current.racket.time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
-            correction = min(stroke_distance(current.racket, r) for r in rackets)
+            correction = float(stroke_distances(current.racket, rackets).min())
             if correction < self.params.replan_distance:
                 return _refused(Failure(ArmStop.SWING_WILL_DO))
             if correction > self.params.largest_correction:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from tt_core.states import RacketState
+from tt_core.states import Array, RacketState
 
 from .joints import JointLimits
 from .model import ArmModel
@@ -32,29 +32,40 @@ class Correction(NamedTuple):
     racket: RacketState
 
 
-def stroke_distance(one: RacketState, other: RacketState) -> float:
-    """Return a measure (m) of the difference between two strokes.
+def stroke_distances(current: RacketState, rackets: Sequence[RacketState]) -> Array:
+    """Return a measure (n,) in m of the differences between one stroke and n others.
 
-    It is the distance of the face centres at the time of `other`, plus 0.02 m times the difference of the unit normals, plus 5 ms times the
-    difference of the velocities.
+    It is the distance of the face centres at the time of the other stroke, plus 0.02 m times the difference of the unit normals, plus 5 ms
+    times the difference of the velocities.
     """
-    position = one.position + one.velocity * (other.time - one.time)
-    tilt, speed = np.linalg.norm(one.normal - other.normal), np.linalg.norm(one.velocity - other.velocity)
-    return float(np.linalg.norm(position - other.position) + 0.02 * tilt + 0.005 * speed)
+    times = np.array([racket.time for racket in rackets])
+    positions, velocities, normals = (
+        np.array([getattr(racket, name) for racket in rackets]).reshape(-1, 3) for name in ("position", "velocity", "normal")
+    )
+    then = current.position + current.velocity * (times - current.time)[:, None]
+    off, turned, changed = then - positions, current.normal - normals, current.velocity - velocities
+    distances: Array = np.linalg.norm([off, 0.02 * turned, 0.005 * changed], axis=2).sum(axis=0)
+    return distances
 
 
-def corrections(rackets: Sequence[RacketState], current: RacketState) -> list[Correction]:
+def by_distance(rackets: Sequence[RacketState], current: RacketState) -> list[int]:
+    """Return the indices of newer candidates, the nearest to the stroke that the arm now moves for first; see `stroke_distances`."""
+    order: list[int] = np.argsort(stroke_distances(current, rackets), kind="stable").tolist()
+    return order
+
+
+def corrections(rackets: Sequence[RacketState], order: Sequence[int], current: RacketState) -> list[Correction]:
     """Return the possible corrections of a stroke, in order of preference.
 
     Args:
         rackets: Racket states of the newer candidates.
+        order: Their indices, as `by_distance` returns them.
         current: Racket state of the stroke that the arm now moves for.
 
     Returns:
         First the NEIGHBOURS candidates nearest to the current stroke, then half of the change to candidates for the same time, then the
         other candidates.
     """
-    order = sorted(range(len(rackets)), key=lambda i: stroke_distance(current, rackets[i]))
     full = [Correction(i, rackets[i]) for i in order]
     same = [one for one in full if abs(one.racket.time - current.time) < SAME_TIME]
     return [*full[:NEIGHBOURS], *(Correction(one.candidate, between(current, one.racket)) for one in same), *full[NEIGHBOURS:]]

@@ -18,7 +18,7 @@ from tt_core.states import RacketState
 from .joints import Joints
 from .model import ArmModel
 from .reach import REACH_METHODS, Reach, ReachFailure, ReachParams, reach
-from .stroke_correction import corrections, postures
+from .stroke_correction import by_distance, corrections, postures
 from .swing import StrikePlan, Swing, SwingLimits, strike
 
 MOST_LATE = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
@@ -33,7 +33,11 @@ class SelectionParams:
     tries: int = param(16, "", "candidates that are tried until one can be made; 1 ms each", low=1, high=100)
     hurried: int = param(12, "", "candidates that are all tried when balls come one soon after the other", low=1, high=100)
     corrections: int = param(
-        4, "", "corrections of the stroke on its way that are tried before another posture is searched; 1 ms each", low=1, high=100
+        4,
+        "",
+        "corrections of the stroke on its way that are tried, and candidates near it for which other postures are searched then; 1 ms each",
+        low=1,
+        high=100,
     )
     spare: float = param(0.02, "s", "time that the posture should leave to spare, if one can", low=0.0, high=1.0)
     margin: float = param(
@@ -49,7 +53,7 @@ class SelectionParams:
 class SelectionFailure(Enum):
     """Codes of failures for candidate strokes that were not tried."""
 
-    NOT_TRIED = "candidates {first} to {last}: not tried"
+    NOT_TRIED = "{count} more candidates: not tried"
 
 
 class PlannedStroke(NamedTuple):
@@ -91,6 +95,7 @@ class StrokeSelection:
         swing: Swing that makes the stroke; None if there is none.
         reasons: Why the other candidates that were tried cannot be made, in the order in which they were tried.
         refused: Why no candidate was tried at all; None if some were.
+        corrects: Whether the stroke replaces the one that the arm moves for, for the same ball.
     """
 
     index: int | None
@@ -99,6 +104,7 @@ class StrokeSelection:
     swing: Swing | None
     reasons: tuple[Refusal, ...]
     refused: Failure | None = None
+    corrects: bool = False
 
     @classmethod
     def none(cls, reasons: Sequence[Refusal], refused: Failure | None = None) -> StrokeSelection:
@@ -123,8 +129,8 @@ def select_stroke(
 ) -> StrokeSelection:
     """Select the first candidate stroke that the arm can make from `start` in time and within its limits.
 
-    If there is a current stroke, it is first corrected towards the candidates (see `stroke_correction`). If that is not possible, new
-    postures are searched.
+    If there is a current stroke, it is corrected towards the candidates (see `stroke_correction`). If that is not possible, new postures
+    are searched, but only for the candidates nearest to it: a correction must be quick.
 
     Args:
         model: The arm.
@@ -140,21 +146,23 @@ def select_stroke(
         The selected stroke with its swing, or the reasons why there is none.
     """
     reasons: list[Refusal] = []
+    tried: Sequence[int] = range(len(rackets))[: params.hurried if hurried else params.tries]
     if current is not None:
-        for change in corrections(rackets, current.racket)[: params.corrections]:
+        order = by_distance(rackets, current.racket)
+        tried = order[: params.corrections]
+        for change in corrections(rackets, order, current.racket)[: params.corrections]:
             for target in postures(model, change.racket, current.reach, model.limits.reduced(speed=limits.speed_share)):
                 planned = strike(model, start, target, change.racket.time, limits)
                 if planned.swing is not None:
-                    return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons))
+                    return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons), corrects=True)
             reasons += [Refusal(planned.failure, change.candidate, adjusted=True)] if planned.failure else []
-    tries = params.hurried if hurried else params.tries
-    for i, racket in enumerate(rackets[:tries]):
-        target, planned = _try(model, racket, start, limits, reaching, params)
+    for i in tried:
+        target, planned = _try(model, rackets[i], start, limits, reaching, params)
         if planned.swing is not None:
-            return StrokeSelection(i, racket, target, planned.swing, tuple(reasons))
+            return StrokeSelection(i, rackets[i], target, planned.swing, tuple(reasons), corrects=current is not None)
         reasons += [Refusal(planned.failure, i)] if planned.failure else []
-    if len(rackets) > tries:
-        reasons.append(Refusal(Failure(SelectionFailure.NOT_TRIED, first=tries, last=len(rackets) - 1)))
+    if len(rackets) > len(tried):
+        reasons.append(Refusal(Failure(SelectionFailure.NOT_TRIED, count=len(rackets) - len(tried))))
     return StrokeSelection.none(reasons)
 
 

@@ -310,8 +310,18 @@ class RacketState:
             BadShape: An array has another shape.
             NotFinite: A number is NaN or infinite.
         """
-        alpha = -math.asin(min(1.0, max(-1.0, float(normal[1]))))
-        return cls(time, position, velocity, alpha, math.atan2(float(normal[0]), float(normal[2])))
+        alpha, beta = cls.angles(normal)
+        return cls(time, position, velocity, float(alpha), float(beta))
+
+    @staticmethod
+    def angles(normals: Array) -> tuple[Array, Array]:
+        """Return the angles alpha and beta (...,) in rad of rackets with given face normals.
+
+        Args:
+            normals: (..., 3) unit face normals in `table`.
+        """
+        normals = np.asarray(normals)
+        return -np.arcsin(np.clip(normals[..., 1], -1.0, 1.0)), np.arctan2(normals[..., 0], normals[..., 2])
 
     @property
     def normal(self) -> Array:

@@ -18,7 +18,7 @@ from tt_core.hit_windows import PATH_END_X
 from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
 from tt_core.priority import RESPONSE
-from tt_core.ros.convert import ball_from_message, path_to_message, path_to_poses
+from tt_core.ros.convert import ball_from_message, path_to_bytes, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import LARGEST_PHYSICS, LARGEST_STATE, Input
 from tt_core.ros.node_main import run
@@ -114,7 +114,7 @@ class PredictNode(Node):
                 return  # it flies away, is past, is nearly the last one, or hardly known
             path, touch = rollout_past_net(ball, self.physics, self.stop)
             shown = thinned(path)
-            self.path.publish(path_to_message(shown))
+            self.path.publish(path_to_bytes(shown))
             if self.poses.get_subscription_count():
                 self.poses.publish(path_to_poses(shown))
         except TtError as error:

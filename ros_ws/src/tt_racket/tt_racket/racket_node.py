@@ -15,7 +15,7 @@ from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
 from tt_core.priority import RESPONSE
 from tt_core.robots import read_arm
-from tt_core.ros.convert import goal_from_message, path_from_message, strokes_to_message
+from tt_core.ros.convert import goal_from_message, path_from_bytes, strokes_to_bytes
 from tt_core.ros.diagnostics import Event, Status
 from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_PATH, LARGEST_PHYSICS, Input
 from tt_core.ros.node_main import run
@@ -96,7 +96,9 @@ class RacketNode(Node):
         Input(self, kind, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
         self.bad_physics = Refusals(self.status, "physics")
         Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
-        paths = Input(self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths)
+        paths = Input(
+            self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths, read=path_from_bytes
+        )
         self.status.wait_for([paths])
 
     def on_goal_params(self, params: GoalParams) -> None:
@@ -117,14 +119,13 @@ class RacketNode(Node):
         except TtError as error:
             self.bad_physics(error)
 
-    def on_path(self, message: MultiDOFJointTrajectory) -> None:
-        """Find the strokes for a predicted path, and publish them and a status. Refuse a message without a valid path."""
+    def on_path(self, path: BallPath) -> None:
+        """Find the strokes for a predicted path, and publish them and a status. Refuse a path for which there can be none."""
         try:
-            path = path_from_message(message)
             goal = self.ball.follow(path, self.goal_params, self.goal)
             found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors, bounced=self.ball.bounced)
             rackets = [stroke.racket for stroke in found.strokes if stroke.racket]
-            self.strokes.publish(strokes_to_message(rackets, path.times[0]))
+            self.strokes.publish(strokes_to_bytes(rackets, path.times[0]))
         except TtError as error:
             self.bad_paths(error)
             return

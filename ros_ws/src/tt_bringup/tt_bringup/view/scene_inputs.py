@@ -16,18 +16,18 @@ from tt_arm.model import ArmModel
 from tt_core.errors import TtError
 from tt_core.physics import Physics
 from tt_core.ros.convert import (
+    StampedStrokes,
     ball_from_message,
     goal_from_message,
     joints_from_message,
-    path_from_message,
-    stamp_seconds,
-    strokes_from_message,
+    path_from_bytes,
+    strokes_from_bytes,
 )
 from tt_core.ros.diagnostics import Event, Status, read_status
 from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_JOINTS, LARGEST_PATH, LARGEST_STATE, LARGEST_STROKES, Input
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
 from tt_core.ros.refusals import Refusals
-from tt_core.states import Array
+from tt_core.states import Array, BallPath
 
 from .robot_shapes import RobotShapes
 from .scene import DrawnScene, ShownJoints, warm
@@ -69,8 +69,17 @@ class SceneInputs:
         Input(node, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=refused, interval=interval)
         for topic in ("ball/first", "ball/measured", "ball/state"):  # paths begin at any of them
             Input(node, Odometry, topic, self.on_estimate, RELIABLE, largest=LARGEST_STATE, refused=refused)
-        Input(node, trajectory, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=refused)
-        Input(node, trajectory, "racket/strokes", self.on_strokes, LATEST, largest=LARGEST_STROKES, refused=refused)
+        Input(node, trajectory, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=refused, read=path_from_bytes)
+        Input(
+            node,
+            trajectory,
+            "racket/strokes",
+            self.on_strokes,
+            LATEST,
+            largest=LARGEST_STROKES,
+            refused=refused,
+            read=strokes_from_bytes,
+        )
         Input(node, trajectory, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=refused)
         Input(node, DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE, largest=LARGEST_DIAGNOSTICS, refused=refused)
 
@@ -108,19 +117,16 @@ class SceneInputs:
         except TtError as error:
             self.refused(error)
 
-    def on_path(self, message: MultiDOFJointTrajectory) -> None:
+    def on_path(self, path: BallPath) -> None:
         """Show a predicted path of the ball."""
         try:
-            self.scene.take_path(path_from_message(message), self.now())
+            self.scene.take_path(path, self.now())
         except TtError as error:
             self.refused(error)
 
-    def on_strokes(self, message: MultiDOFJointTrajectory) -> None:
+    def on_strokes(self, strokes: StampedStrokes) -> None:
         """Show the candidate strokes: rackets at the time at which they return the ball."""
-        try:
-            self.scene.take_strokes(strokes_from_message(message), stamp_seconds(message.header.stamp), self.now())
-        except TtError as error:
-            self.refused(error)
+        self.scene.take_strokes(strokes.rackets, strokes.time, self.now())
 
     def on_goal(self, message: MultiDOFJointTrajectory) -> None:
         """Show the landing place of a goal of the return."""

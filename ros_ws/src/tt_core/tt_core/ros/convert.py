@@ -7,14 +7,14 @@ hundreds of times a second can fill a `message` again that they have made before
 from __future__ import annotations
 
 import array
-import itertools
-import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Point, PointStamped, PoseStamped, Quaternion, Transform, Twist, Vector3
+from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry, Path
+from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
@@ -23,6 +23,7 @@ from ..errors import BadMessage, BadShape, MessageFailure, NotFinite, OutOfRange
 from ..images import MOST_PIXELS, grey_image
 from ..lens import rational_from_fisheye
 from ..states import UNKNOWN_VARIANCE, Array, BallPath, BallState, Bounce, RacketState, ReturnGoal
+from .trajectory_rows import TrajectoryRows, rows_from_bytes, rows_to_bytes
 
 # Bounds of the numbers in messages, far above what occurs in table tennis. A message beyond them is refused before anything is computed.
 PLACE = 100.0  # m, of each coordinate: no hall is larger
@@ -158,59 +159,78 @@ def ball_from_message(message: Odometry) -> BallState:
     )
 
 
-def _trajectory(time: float, joint: str, points: list[MultiDOFJointTrajectoryPoint]) -> MultiDOFJointTrajectory:
-    """Return a trajectory of one joint in `table`; `time` (s) is the reference of its points."""
-    message = MultiDOFJointTrajectory(joint_names=[joint], points=points)
-    message.header.stamp, message.header.frame_id = stamp(time), "table"
-    return message
-
-
-def _point(
-    after: float, position: Sequence[float], velocity: Sequence[float], spin: Sequence[float] = (0.0, 0.0, 0.0)
-) -> MultiDOFJointTrajectoryPoint:
-    """Return a point `after` s with position (m), velocity (m/s) and spin (rad/s), each (3,)."""
-    return MultiDOFJointTrajectoryPoint(
-        transforms=[Transform(translation=_vector3(position))],
-        velocities=[Twist(linear=_vector3(velocity), angular=_vector3(spin))],
-        time_from_start=_duration(after),
-    )
-
-
-def _check(message: MultiDOFJointTrajectory, joint: str, least: int, most: int) -> float:
-    """Return the stamp (s) of a trajectory that has the form which its topic promises; raises TtError for another one."""
+def _rows(message: MultiDOFJointTrajectory, joint: str) -> TrajectoryRows:
+    """Return the points of a trajectory of a joint in `table`; raises TtError for a message of another form."""
     if len(message.joint_names) != 1 or message.joint_names[0] != joint:
         names = [name[:40] for name in message.joint_names[:4]]
         raise BadMessage(MessageFailure.OTHER_JOINT, wanted=joint, count=len(message.joint_names), joints=names)
-    check_range(f"number of points of [{joint}]", len(message.points), least, most)
     if any(len(p.transforms) != 1 or len(p.velocities) != 1 for p in message.points):
         raise BadMessage(MessageFailure.INCOMPLETE_POINT)
     if message.header.frame_id != "table":
         raise BadMessage(MessageFailure.OTHER_FRAME, wanted="table", frame=message.header.frame_id[:40])
-    return stamp_seconds(message.header.stamp)
+    transforms, velocities = [p.transforms[0] for p in message.points], [p.velocities[0] for p in message.points]
+    return TrajectoryRows(
+        message.header.stamp,
+        np.array([seconds(p.time_from_start) for p in message.points]),
+        np.array([_numbers(transform.translation) for transform in transforms]).reshape(-1, 3),
+        np.array([(q.x, q.y, q.z, q.w) for q in (transform.rotation for transform in transforms)]).reshape(-1, 4),
+        np.array([_numbers(velocity.linear) for velocity in velocities]).reshape(-1, 3),
+        np.array([_numbers(velocity.angular) for velocity in velocities]).reshape(-1, 3),
+    )
 
 
-def _after(point: MultiDOFJointTrajectoryPoint) -> float:
-    """Return time_from_start (s) of a point. Raises OutOfRange."""
-    return check_range("time_from_start, s,", seconds(point.time_from_start), *FROM_START)
+def _read_rows(data: bytes, joint: str) -> TrajectoryRows:
+    """Return the points of a serialized trajectory of a joint in `table`.
+
+    Raises:
+        TtError: It has another form.
+        RuntimeError: The bytes are no trajectory.
+    """
+    rows = rows_from_bytes(joint, data)
+    return _rows(deserialize_message(data, MultiDOFJointTrajectory), joint) if rows is None else rows
 
 
-def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
-    """Return a path, the predicted flight of the ball, as a message. Two points of the same time are a bounce.
+def _check_rows(rows: TrajectoryRows, least: int, most: int) -> float:
+    """Check the number of points of a trajectory, its stamp and the times of its points; return the stamp in s. Raises TtError."""
+    check_range("number of points", len(rows.after), least, most)
+    for after in (rows.after.min(), rows.after.max()) if len(rows.after) else ():
+        check_range("time_from_start, s,", after, *FROM_START)
+    return stamp_seconds(rows.stamp)
+
+
+def path_to_bytes(path: BallPath) -> bytes:
+    """Return a path, the predicted flight of the ball, as a serialized message. Two points of the same time are a bounce.
 
     Raises:
         TtError: The path has more than MOST_PATH_POINTS points, or a number is outside its bound.
     """
-    check_range("number of points of the path", len(path.times), 1, MOST_PATH_POINTS)
-    start = float(path.times[0])
+    count, start = len(path.times), float(path.times[0])
+    check_range("number of points of the path", count, 1, MOST_PATH_POINTS)
     check_range("duration of the path, s,", path.times[-1] - start, *FROM_START)
-    rows = zip(
-        (path.times - start).tolist(),
-        _bounded("position", path.positions, (-1, 3), PLACE).tolist(),
-        _bounded("velocity", path.velocities, (-1, 3), LARGEST_BALL_SPEED).tolist(),
-        _bounded("spin", path.spins, (-1, 3), LARGEST_BALL_SPIN).tolist(),
-        strict=True,
+    rows = TrajectoryRows(
+        stamp(start),
+        path.times - start,
+        _bounded("position", path.positions, (count, 3), PLACE),
+        np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
+        _bounded("velocity", path.velocities, (count, 3), LARGEST_BALL_SPEED),
+        _bounded("spin", path.spins, (count, 3), LARGEST_BALL_SPIN),
     )
-    return _trajectory(start, "ball", [_point(*row) for row in rows])
+    return rows_to_bytes("ball", rows)
+
+
+def path_to_message(path: BallPath) -> MultiDOFJointTrajectory:
+    """Return a path as a message, see `path_to_bytes`."""
+    message: MultiDOFJointTrajectory = deserialize_message(path_to_bytes(path), MultiDOFJointTrajectory)
+    return message
+
+
+def path_from_bytes(data: bytes) -> BallPath:
+    """Return the path in a serialized message, see `path_from_message`.
+
+    Raises:
+        RuntimeError: The bytes are no trajectory.
+    """
+    return _path(_read_rows(data, "ball"))
 
 
 def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
@@ -220,13 +240,20 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
         TtError: The message is no trajectory of one joint `ball` in `table`, has more than MOST_PATH_POINTS points, its times decrease, or
             a number is outside its bound.
     """
-    start = _check(message, "ball", 1, MOST_PATH_POINTS)
-    times = np.array([start + _after(point) for point in message.points])
-    positions = _bounded("position", [_numbers(p.transforms[0].translation) for p in message.points], (-1, 3), PLACE)
-    velocities = _bounded("velocity", [_numbers(p.velocities[0].linear) for p in message.points], (-1, 3), LARGEST_BALL_SPEED)
-    spins = _bounded("spin", [_numbers(p.velocities[0].angular) for p in message.points], (-1, 3), LARGEST_BALL_SPIN)
-    states = [BallState.trusted(*row) for row in zip(times.tolist(), positions, velocities, spins, strict=True)]
-    bounces = tuple(Bounce(a, b) for a, b in itertools.pairwise(states) if a.time == b.time)
+    return _path(_rows(message, "ball"))
+
+
+def _path(rows: TrajectoryRows) -> BallPath:
+    """Return the path with these points; raises TtError for points that are no path."""
+    times = _check_rows(rows, 1, MOST_PATH_POINTS) + rows.after
+    positions = _bounded("position", rows.translations, (-1, 3), PLACE)
+    velocities = _bounded("velocity", rows.linear, (-1, 3), LARGEST_BALL_SPEED)
+    spins = _bounded("spin", rows.angular, (-1, 3), LARGEST_BALL_SPIN)
+
+    def state(i: int) -> BallState:
+        return BallState.trusted(float(times[i]), positions[i], velocities[i], spins[i])
+
+    bounces = tuple(Bounce(state(i), state(i + 1)) for i in np.flatnonzero(np.diff(times) == 0.0).tolist())
     return BallPath(times, positions, velocities, spins, bounces)
 
 
@@ -249,8 +276,14 @@ def goal_to_message(goal: ReturnGoal, time: float = 0.0) -> MultiDOFJointTraject
         goal: Landing place, flight time and spin that the returned ball is to have.
         time: s, when the goal was set.
     """
-    point = _point(goal.flight_time, [*goal.landing.tolist(), 0.0], [0.0, 0.0, 0.0], [0.0, goal.spin_y, goal.spin_z])
-    return _trajectory(time, "ball", [point])
+    point = MultiDOFJointTrajectoryPoint(
+        transforms=[Transform(translation=_vector3([*goal.landing.tolist(), 0.0]))],
+        velocities=[Twist(angular=_vector3([0.0, goal.spin_y, goal.spin_z]))],
+        time_from_start=_duration(goal.flight_time),
+    )
+    message = MultiDOFJointTrajectory(joint_names=["ball"], points=[point])
+    message.header.stamp, message.header.frame_id = stamp(time), "table"
+    return message
 
 
 def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
@@ -259,15 +292,27 @@ def goal_from_message(message: MultiDOFJointTrajectory) -> ReturnGoal:
     Raises:
         TtError: The message is no trajectory of one joint `ball` in `table` with exactly one point, or a number is outside its bound.
     """
-    _check(message, "ball", 1, 1)
-    point = message.points[0]
-    landing = _bounded("landing", _numbers(point.transforms[0].translation), (3,), PLACE)
-    spin = _bounded("spin", _numbers(point.velocities[0].angular), (3,), LARGEST_BALL_SPIN)
-    return ReturnGoal(landing[:2], _after(point), spin[1], spin[2])
+    rows = _rows(message, "ball")
+    _check_rows(rows, 1, 1)
+    landing = _bounded("landing", rows.translations[0], (3,), PLACE)
+    spin = _bounded("spin", rows.angular[0], (3,), LARGEST_BALL_SPIN)
+    return ReturnGoal(landing[:2], float(rows.after[0]), spin[1], spin[2])
 
 
-def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
-    """Return candidate strokes, the racket states that would return the ball, as a message.
+class StampedStrokes(NamedTuple):
+    """Candidate strokes, the racket states in `table` that would return the ball.
+
+    Attributes:
+        time: s, of the last frame that they are based on.
+        rackets: The candidates in order of preference.
+    """
+
+    time: float
+    rackets: list[RacketState]
+
+
+def strokes_to_bytes(rackets: Sequence[RacketState], time: float) -> bytes:
+    """Return candidate strokes, the racket states that would return the ball, as a serialized message.
 
     Args:
         rackets: The candidates in order of preference, in `table`.
@@ -276,20 +321,34 @@ def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJ
     Raises:
         TtError: There are more than MOST_STROKES, or a number is outside its bound.
     """
-    check_range("number of strokes", len(rackets), 0, MOST_STROKES)
-    if not rackets:
-        return _trajectory(time, "racket", [])
-    rows = zip(
-        [check_range("time of the strike after the path's start, s,", racket.time - time, *FROM_START) for racket in rackets],
-        _bounded("position", [racket.position for racket in rackets], (-1, 3), PLACE).tolist(),
-        _bounded("velocity", [racket.velocity for racket in rackets], (-1, 3), LARGEST_BALL_SPEED).tolist(),
-        strict=True,
+    count = len(rackets)
+    check_range("number of strokes", count, 0, MOST_STROKES)
+    after = [check_range("time of the strike after the path's start, s,", racket.time - time, *FROM_START) for racket in rackets]
+    angles = check_array("angles", [(racket.alpha, racket.beta) for racket in rackets] or np.empty((0, 2)), (count, 2))
+    rows = TrajectoryRows(
+        stamp(time),
+        np.array(after),
+        _bounded("position", [racket.position for racket in rackets] or np.empty((0, 3)), (count, 3), PLACE),
+        Rotation.from_euler("xy", angles).as_quat() if count else np.empty((0, 4)),
+        _bounded("velocity", [racket.velocity for racket in rackets] or np.empty((0, 3)), (count, 3), LARGEST_BALL_SPEED),
+        np.zeros((count, 3)),
     )
-    points = [_point(*row) for row in rows]
-    turns = Rotation.from_matrix(check_array("rotation", [racket.rotation for racket in rackets], (-1, 3, 3))).as_quat()
-    for point, (x, y, z, w) in zip(points, turns.tolist(), strict=True):
-        point.transforms[0].rotation = Quaternion(x=x, y=y, z=z, w=w)
-    return _trajectory(time, "racket", points)
+    return rows_to_bytes("racket", rows)
+
+
+def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
+    """Return candidate strokes as a message, see `strokes_to_bytes`."""
+    message: MultiDOFJointTrajectory = deserialize_message(strokes_to_bytes(rackets, time), MultiDOFJointTrajectory)
+    return message
+
+
+def strokes_from_bytes(data: bytes) -> StampedStrokes:
+    """Return the candidate strokes in a serialized message with the time that they are based on, see `strokes_from_message`.
+
+    Raises:
+        RuntimeError: The bytes are no trajectory.
+    """
+    return _strokes(_read_rows(data, "racket"))
 
 
 def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
@@ -299,18 +358,23 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
         TtError: The message is no trajectory of one joint `racket` in `table`, has more than MOST_STROKES points, a number is outside its
             bound, or a quaternion does not have length 1.
     """
-    start, points = _check(message, "racket", 0, MOST_STROKES), message.points
-    if not points:
-        return []
-    turns = [(q.x, q.y, q.z, q.w) for q in (point.transforms[0].rotation for point in points)]
-    for turn in turns:
-        if not abs(math.hypot(*turn) - 1.0) <= 1e-3:  # not so either for NaN
-            raise BadMessage(MessageFailure.NO_ROTATION, quaternion=turn)
-    times = [start + _after(point) for point in points]
-    positions = _bounded("position", [_numbers(point.transforms[0].translation) for point in points], (-1, 3), PLACE)
-    velocities = _bounded("velocity", [_numbers(point.velocities[0].linear) for point in points], (-1, 3), LARGEST_BALL_SPEED)
-    normals = Rotation.from_quat(turns).as_matrix()[:, :, 2]
-    return [RacketState.facing(*row) for row in zip(times, positions, velocities, normals, strict=True)]
+    return _strokes(_rows(message, "racket")).rackets
+
+
+def _strokes(rows: TrajectoryRows) -> StampedStrokes:
+    """Return the candidate strokes that these points are; raises TtError for points that are none."""
+    start = _check_rows(rows, 0, MOST_STROKES)
+    if not len(rows.after):
+        return StampedStrokes(start, [])
+    with np.errstate(over="ignore"):
+        wrong = ~(np.abs(np.linalg.norm(rows.rotations, axis=1) - 1.0) <= 1e-3)  # true for NaN
+    if wrong.any():
+        raise BadMessage(MessageFailure.NO_ROTATION, quaternion=tuple(rows.rotations[wrong.argmax()].tolist()))
+    times = (start + rows.after).tolist()
+    positions = _bounded("position", rows.translations, (-1, 3), PLACE)
+    velocities = _bounded("velocity", rows.linear, (-1, 3), LARGEST_BALL_SPEED)
+    alphas, betas = RacketState.angles(Rotation.from_quat(rows.rotations).as_matrix()[:, :, 2])
+    return StampedStrokes(start, list(map(RacketState.trusted, times, positions, velocities, alphas.tolist(), betas.tolist())))
 
 
 def pixel_to_message(time: float, pixel: Sequence[float] | Array, frame: str) -> PointStamped:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock
@@ -50,6 +51,7 @@ class Input:
         largest: int,
         refused: Callable[[TtError], None],
         interval: float = 0.0,
+        read: Callable[[bytes], Any] | None = None,
     ) -> None:
         """Subscribe.
 
@@ -57,14 +59,17 @@ class Input:
             node: The node that subscribes.
             kind: Message type.
             topic: Name, relative or absolute.
-            callback: Called with each message that is accepted.
+            callback: Called with each message that is accepted, or with what `read` makes of it.
             qos: Quality of service that is asked for if the publishers offer it. Of a pair, the second is used while all publishers are
                 reliable.
             largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted, because of its size or because it cannot be read.
             interval: s. A message that comes sooner than this after the last one is dropped without being read.
+            read: Reads a serialized message; `callback` gets its result. It raises TtError for a message with a wrong content, and
+                RuntimeError for bytes that are no message of this type. None: `callback` gets a message of type `kind`.
         """
         self._node, self._kind, self._callback = node, kind, callback
+        self._read = read or partial(deserialize_message, message_type=kind)
         self._wanted, self._reliably = qos if isinstance(qos, tuple) else (qos, qos)
         self._largest, self._refused, self._interval, self._due = largest, refused, interval, 0.0
         self.topic, self.publishers = node.resolve_topic_name(topic), 0
@@ -96,10 +101,10 @@ class Input:
         try:
             if len(data) > self._largest:
                 raise BadMessage(MessageFailure.TOO_LARGE, topic=self.topic, size=len(data), most=self._largest)
-            message = deserialize_message(data, self._kind)
+            content = self._read(data)
         except TtError as error:
             self._refused(error)
         except RuntimeError as error:  # rclpy's RMWError: the bytes are no message of this type
             self._refused(BadMessage(MessageFailure.UNREADABLE, topic=self.topic, error=error))
         else:
-            self._callback(message)
+            self._callback(content)
