@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import struct
 import time
 from collections import defaultdict
 from functools import partial
@@ -20,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from method2 import method_2
 from nav_msgs.msg import Odometry
@@ -29,7 +31,7 @@ from rclpy.serialization import deserialize_message
 from report import report
 from sensor_msgs.msg import Image
 from tt_bringup.demo import free_domain
-from tt_core.ros.convert import image_from_message, stamp_seconds
+from tt_core.ros.convert import image_from_message, seconds, stamp_seconds
 from tt_core.ros.diagnostics import Event, read_status
 from tt_core.ros.qos import RELIABLE, SENSOR
 from tt_tools import launch, packages
@@ -78,10 +80,10 @@ class Watch(Node):
         self.latencies = defaultdict[str, dict[str, float]](dict)  # ms by hop, by the stamp of the last frame
         self.images: list[tuple[int, bytes]] = []
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE)
-        self.create_subscription(Odometry, "/ball/state", self.on_state, RELIABLE)
+        self.create_subscription(Odometry, "/ball/state", self.on_state, RELIABLE, raw=True)
 
-    def on_state(self, message: Odometry, info: dict[str, int]) -> None:
-        time = stamp_seconds(message.header.stamp)
+    def on_state(self, data: bytes, info: dict[str, int]) -> None:
+        time = seconds(Time(**dict(zip(("sec", "nanosec"), struct.unpack_from("<iI", data, 4), strict=True))))  # the stamp comes first
         self.latencies[f"{time:.9f}"].setdefault("tracked", 1e3 * (1e-9 * info["source_timestamp"] - time))
 
     def capture(self) -> None:

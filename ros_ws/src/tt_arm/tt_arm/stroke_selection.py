@@ -19,10 +19,16 @@ from .joints import Joints
 from .model import ArmModel
 from .reach import REACH_METHODS, Reach, ReachFailure, ReachParams, reach
 from .stroke_correction import by_distance, corrections, postures
-from .swing import StrikePlan, Swing, SwingLimits, strike
+from .swing import StrikePlan, Swing, SwingFailure, SwingLimits, strike
 
 MOST_LATE = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
 LEAST_TIME, MOST_TIME = 0.05, 10.0  # s, bounds of the swing times for which postures are searched
+ON_THE_WAY = {  # failures for which another posture may help although the arm would be in time
+    SwingFailure.POSITION_LIMIT,
+    SwingFailure.HELD_COMMAND,
+    SwingFailure.CLEARANCE,
+    SwingFailure.TORQUE_LIMIT,
+}
 LESS_SPARE = 0.25  # share of the spare time in the last search; not 0, because the search knows the effect of the jerk limit only roughly
 
 
@@ -33,7 +39,7 @@ class SelectionParams:
     tries: int = param(16, "", "candidates that are tried until one can be made; 1 ms each", low=1, high=100)
     hurried: int = param(12, "", "candidates that are all tried when balls come one soon after the other", low=1, high=100)
     corrections: int = param(
-        4,
+        3,
         "",
         "corrections of the stroke on its way that are tried, and candidates near it for which other postures are searched then; 1 ms each",
         low=1,
@@ -130,7 +136,7 @@ def select_stroke(
     """Select the first candidate stroke that the arm can make from `start` in time and within its limits.
 
     If there is a current stroke, it is corrected towards the candidates (see `stroke_correction`). If that is not possible, new postures
-    are searched, but only for the candidates nearest to it: a correction must be quick.
+    are searched, but only for the candidates nearest to it, and only such that the arm is in time: a correction must be quick.
 
     Args:
         model: The arm.
@@ -147,9 +153,10 @@ def select_stroke(
     """
     reasons: list[Refusal] = []
     tried: Sequence[int] = range(len(rackets))[: params.hurried if hurried else params.tries]
+    efforts = _efforts(reaching, params)
     if current is not None:
         order = by_distance(rackets, current.racket)
-        tried = order[: params.corrections]
+        tried, efforts = order[: params.corrections], efforts[-1:]
         for change in corrections(rackets, order, current.racket)[: params.corrections]:
             for target in postures(model, change.racket, current.reach, model.limits.reduced(speed=limits.speed_share)):
                 planned = strike(model, start, target, change.racket.time, limits)
@@ -157,7 +164,7 @@ def select_stroke(
                     return StrokeSelection(change.candidate, change.racket, target, planned.swing, tuple(reasons), corrects=True)
             reasons += [Refusal(planned.failure, change.candidate, adjusted=True)] if planned.failure else []
     for i in tried:
-        target, planned = _try(model, rackets[i], start, limits, reaching, params)
+        target, planned = _try(model, rackets[i], start, limits, reaching, params.method, efforts)
         if planned.swing is not None:
             return StrokeSelection(i, rackets[i], target, planned.swing, tuple(reasons), corrects=current is not None)
         reasons += [Refusal(planned.failure, i)] if planned.failure else []
@@ -191,23 +198,39 @@ def select_sooner(
     """
     first: int = selected.index  # type: ignore[assignment]
     best, end = selected, selected.swing.end_time  # type: ignore[union-attr]
+    efforts = _efforts(reaching, params)
     for i, racket in enumerate(rackets[first + 1 : params.hurried], first + 1):
-        target, planned = _try(model, racket, start, limits, reaching, params)
+        target, planned = _try(model, racket, start, limits, reaching, params.method, efforts)
         if planned.swing is not None and planned.swing.end_time < end:
             best, end = replace(selected, index=i, racket=racket, reach=target, swing=planned.swing), planned.swing.end_time
     return best
 
 
+class _Effort(NamedTuple):
+    """What a search for a posture aims at: s to spare, weight of the return time (1/s), share of the joint speeds kept as a margin."""
+
+    spare: float
+    return_weight: float
+    margin: float
+
+
 def _try(
-    model: ArmModel, racket: RacketState, start: Joints, limits: SwingLimits, reaching: ReachParams, params: SelectionParams
+    model: ArmModel,
+    racket: RacketState,
+    start: Joints,
+    limits: SwingLimits,
+    reaching: ReachParams,
+    method: str,
+    efforts: Sequence[_Effort],
 ) -> tuple[Reach, StrikePlan]:
     """Return posture and swing for one candidate.
 
-    The searches of `_efforts` are made one after the other until one has a swing. The first ones keep a margin of the joint speeds, time
-    to spare and a short return; the last one uses all that the limits permit, to be in time.
+    The searches `efforts` are made one after the other until one has a swing. If the arm would be in time, but not within its limits on the
+    way, the posture nearest to `start` is tried before the next search: the arm moves least on its way there.
     """
     left = racket.time - start.time - limits.ramp
-    for spare, weight, margin in _efforts(reaching, params):
+    nearest: StrikePlan | None = None
+    for spare, weight, margin in efforts:
         weighed = replace(
             reaching,
             swing_time=min(MOST_TIME, max(LEAST_TIME, left - spare)),
@@ -216,16 +239,25 @@ def _try(
             command_timeout=limits.hold,
         )
         joints = model.limits.reduced(speed=limits.speed_share * (1.0 - margin))
-        target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=params.method, limits=joints)
+        target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=method, limits=joints)
         planned = strike(model, start, target, racket.time, limits)
         too_fast = target.reason is not None and target.reason.code is ReachFailure.BEYOND_SPEED_LIMIT
         if planned.swing is not None or (planned.earliest - racket.time > MOST_LATE and not (too_fast and margin > 0.0)):
             break
+        if nearest is None and planned.failure is not None and planned.failure.code in ON_THE_WAY:
+            near = reach(model, racket, start.q, method="near", limits=model.limits.reduced(speed=limits.speed_share))
+            nearest = strike(model, start, near, racket.time, limits)
+            if nearest.swing is not None:
+                return near, nearest
     return target, planned
 
 
-def _efforts(reaching: ReachParams, params: SelectionParams) -> list[tuple[float, float, float]]:
-    """Return for each search, in turn: time to spare (s), weight of the return time (1/s), share of the joint speeds kept as a margin."""
-    usual = params.spare, reaching.return_weight
-    with_margin = [(*usual, params.margin)] if params.margin > 0.0 else []
-    return [*with_margin, (*usual, 0.0), (LESS_SPARE * params.spare, 0.0, 0.0)]
+def _efforts(reaching: ReachParams, params: SelectionParams) -> list[_Effort]:
+    """Return the searches for the posture of one candidate, in turn.
+
+    The first ones keep a margin of the joint speeds, time to spare and a short return. The last one uses all that the limits permit, to be
+    in time.
+    """
+    usual = _Effort(params.spare, reaching.return_weight, 0.0)
+    with_margin = [usual._replace(margin=params.margin)] if params.margin > 0.0 else []
+    return [*with_margin, usual, _Effort(LESS_SPARE * params.spare, 0.0, 0.0)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import field, fields
+from functools import cache
 from typing import Any
 
 from .errors import BadChoice, BadShape, TtError, check_range
@@ -47,9 +48,17 @@ def check(params: Any) -> None:
         BadChoice: A text is none of the choices.
         BadShape: A tuple of floats has another length than its default, unless that is empty.
     """
-    for f in fields(params):
-        if f.metadata:
-            check_value(f.name, getattr(params, f.name), f.default, f.metadata)
+    for name, default, metadata in _fields(type(params)):
+        value = getattr(params, name)
+        if type(value) is float and metadata["low"] <= value <= metadata["high"] and math.isfinite(value):
+            continue  # sooner than by `check_value`; the arm makes new parameters for each stroke
+        check_value(name, value, default, metadata)
+
+
+@cache
+def _fields(kind: type) -> tuple[tuple[str, Any, Mapping[str, Any]], ...]:
+    """Return name, default and metadata of the fields of a dataclass that `param` has made."""
+    return tuple((f.name, f.default, dict(f.metadata)) for f in fields(kind) if f.metadata)
 
 
 def check_value(name: str, value: Any, default: Any, metadata: Mapping[str, Any]) -> None:

@@ -60,11 +60,15 @@ class WantedFace(NamedTuple):
         position: (3,) m in `table`, face centre.
         rotation: (3, 3) rotation from racket to `table`; the rotation about the racket's z axis, the face normal, is free.
         turned: (3, 3) scratch memory for the same rotation after a rotation about the normal.
+        angles: (7, 2) scratch memory for two angles (rad) of each joint, see `_choose_branch`.
+        times: (7, 2) scratch memory for the times (s) in which the joints reach them.
     """
 
     position: Array
     rotation: Array
     turned: Array
+    angles: Array
+    times: Array
 
 
 class Freedoms(NamedTuple):
@@ -98,15 +102,20 @@ class RefinedPosture(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def _choose_branch(q: Array, joints: JointTasks) -> float:
+def _choose_branch(q: Array, joints: JointTasks, angles: Array, times: Array) -> float:
     """Replace q (7,) by the joint angles with the same positions of all links that are reached soonest from the start.
 
     There are eight such branches. Each of their three bits negates q2, q4 or q6 and rotates the two joints beside it by pi.
 
+    Args:
+        q: Joint angles in rad, input and output.
+        joints: (7,) start and limits of each joint.
+        angles: (7, 2) scratch memory for the two possible angles of each joint.
+        times: (7, 2) scratch memory for the times in which the joints reach them.
+
     Returns:
         The time (s) from the start at full speed; inf if all branches are beyond a position limit.
     """
-    angles, times = np.empty((7, 2)), np.empty((7, 2))
     for i in range(7):
         joint = joints[i]
         for k in range(2):
@@ -140,7 +149,7 @@ def _place(at: Freedoms, face: WantedFace, joints: JointTasks, arm: ElbowArm, q:
         turned[k, 2] = rotation[k, 2]
     if not inverse(face.position, turned, at.swivel, arm, q):
         return math.inf
-    return _choose_branch(q, joints)
+    return _choose_branch(q, joints, face.angles, face.times)
 
 
 class Posture(NamedTuple):
@@ -244,7 +253,8 @@ def elbow_search(face: Face, start: Array, limits: JointBounds, weights: Array, 
         The best posture; its cost is inf if none was found.
     """
     task = PostureTask(face.velocity, joint_tasks(start, limits), posture_weights(weights))
-    wanted, scratch = WantedFace(face.position, face.rotation, np.empty((3, 3))), cost_scratch(7)
+    wanted = WantedFace(face.position, face.rotation, np.empty((3, 3)), np.empty((7, 2)), np.empty((7, 2)))
+    scratch = cost_scratch(7)
     elbow = Elbow(wanted, task, arm, chain, scratch)
     costs, least, step = np.empty((grid, grid)), math.inf, 2.0 * math.pi / grid
     q, qdot = np.empty(7), np.empty(7)

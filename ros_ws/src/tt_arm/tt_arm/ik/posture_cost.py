@@ -217,6 +217,16 @@ def _limit_cost(n: int, q: Array, qdot: Array, joints: JointTasks, margin: float
 
 
 @njit(cache=True, inline="always")
+def _least_limit_cost(n: int, q: Array, joints: JointTasks, margin: float) -> float:
+    """Return the `_limit_cost` of joints at rest within their limits, which is the least for all joint speeds."""
+    cost = 0.0
+    for i in range(n):
+        joint = joints[i]
+        cost += LIMIT_COST * max(0.0, joint.low + margin - q[i], q[i] - joint.high + margin)
+    return cost
+
+
+@njit(cache=True, inline="always")
 def _largest(n: int, shares: Array) -> float:
     most = 0.0
     for i in range(n):
@@ -382,11 +392,10 @@ def cost_of_joints(
     """
     nearest, bound, known = question
     weights, late = task.weights, 0
-    qdot[:] = 0.0
-    least = _limit_cost(n, q, qdot, task.joints, weights.margin, weights.hold)
     while weights.swing_time * LATER[late] < nearest:
         late += 1
-    if least + LATE_COST * late + weights.back * _least_time_back(n, q, task) >= bound:
+    least = _least_limit_cost(n, q, task.joints, weights.margin)
+    if least + LATE_COST * late >= bound or least + LATE_COST * late + weights.back * _least_time_back(n, q, task) >= bound:
         return math.inf
     while True:  # until the joint speeds that are possible at the strike give the velocity
         last = late + 1 == len(LATER)
