@@ -1,11 +1,12 @@
 """How long a ball takes from its last frame to the arm, hop by hop, through the real nodes. scripts/bench latency
 
---balls N at 94 a minute (default 300), all nodes of sim.launch.yaml on this machine. Of each hop the median and what 99 % of the balls
-keep, in ms, and as shares of the median of Method 2. That runs in this process on bursts of the same run: those of the CAPTURED balls that
-follow the timed ones, so that taking the images disturbs no timed ball. `measure` is timed on the same bursts. Times of calls are what one
-core spends, warm. --track lets the wide cameras follow the ball, so that there is a state between measurement and path. Then the way from a
-wide camera's frame to the command that a swing begins with is timed, too, for corrections of a swing for the same ball (camera_to_command)
-and for first swings (camera_to_first_command), and so is the way of a correction from the state's message to the planned swing.
+--balls N (default 300) at --rate R a minute (default 94, the most of the machine), all nodes of sim.launch.yaml on this machine. Of each
+hop the median and what 99 % of the balls keep, in ms, and as shares of the median of Method 2. That runs in this process on bursts of the
+same run: those of the CAPTURED balls that follow the timed ones, so that taking the images disturbs no timed ball. `measure` is timed on
+the same bursts. Times of calls are what one core spends, warm. --track lets the wide cameras follow the ball, so that there is a state
+between measurement and path. Then the way from a wide camera's frame to the command that a swing begins with is timed, too, for corrections
+of a swing for the same ball (camera_to_command) and for first swings (camera_to_first_command), and so is the way of a correction from the
+state's message to the planned swing.
 """
 
 from __future__ import annotations
@@ -114,10 +115,10 @@ class Watch(Node):
                 row.setdefault(refined, latency)
 
 
-def run(balls: int, track: bool) -> tuple[list[dict[str, float]], list[Burst], float]:
+def run(balls: int, track: bool, rate: float = RATE) -> tuple[list[dict[str, float]], list[Burst], float]:
     """Play balls. Return the latencies of each, the bursts that were captured, and the share of the balls that were hit."""
     free_domain()
-    given = {"rate": str(RATE), "seed": "0", "track": str(track).lower()}
+    given = {"rate": str(rate), "seed": "0", "track": str(track).lower()}
     with launch.System(launch.processes(packages.launch_file("tt_bringup", "sim.launch.yaml"), given), lambda line: None):
         rclpy.init()
         watch, executor = Watch(), SingleThreadedExecutor()
@@ -133,11 +134,11 @@ def run(balls: int, track: bool) -> tuple[list[dict[str, float]], list[Burst], f
         until(lambda: watch.over >= start, 60.0)
         watch.latencies.clear()
         before, hit = watch.over, watch.hit
-        until(lambda: watch.over >= before + balls, READY + 60.0 * balls / RATE)
+        until(lambda: watch.over >= before + balls, READY + 60.0 * balls / rate)
         rows, share = list(watch.latencies.values()), (watch.hit - hit) / max(1, watch.over - before)
         watch.capture()
         before = watch.over
-        until(lambda: watch.over >= before + CAPTURED, READY + 60.0 * CAPTURED / RATE)
+        until(lambda: watch.over >= before + CAPTURED, READY + 60.0 * CAPTURED / rate)
         images = watch.images
         rclpy.try_shutdown()
     return rows, bursts(images), share
@@ -206,10 +207,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="scripts/bench latency")
     parser.add_argument("--json", type=Path, help="write the metrics here")
     parser.add_argument("--balls", "--runs", type=int, default=300, help="balls (default 300)")
+    parser.add_argument("--rate", type=float, default=RATE, help="balls a minute (default %(default)s)")
     parser.add_argument("--track", action="store_true", help="the wide cameras follow the ball")
     args = parser.parse_args()
     check_frozen()
-    rows, captured, hit = run(args.balls, args.track)
+    rows, captured, hit = run(args.balls, args.track, args.rate)
     measured, followed = by_cameras(rows)
     yardstick = method2_ms(captured)
     called = [spent(lambda b=b: measure_burst(b)) for b in captured]

@@ -68,7 +68,10 @@ def path(count: int) -> BallPath:
     return BallPath(times, *rows)
 
 
-@pytest.mark.parametrize("change", ["acceleration", "two transforms", "no velocity", "other frame", "other joint", "no point", "big endian"])
+CHANGES = "acceleration", "two transforms", "no velocity", "other frame", "other joint", "no point", "big endian"
+
+
+@pytest.mark.parametrize("change", CHANGES)
 def test_a_message_of_another_form_is_left_to_rclpy(change: str) -> None:
     message = deserialize_message(path_to_bytes(path(3)), MultiDOFJointTrajectory)
     match change:

@@ -26,7 +26,7 @@ from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from tt_core.errors import TtError
 from tt_core.failures import Failure, code_name
 from tt_core.params import check, param
-from tt_core.priority import CONTROL, RESPONSE, set_thread_realtime
+from tt_core.priority import CONTROL, IMPROVEMENT, RESPONSE, set_thread_realtime
 from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
 from tt_core.ros.convert import StampedStrokes, joints_from_message, strokes_from_bytes, swing_to_message
@@ -280,7 +280,10 @@ class ArmNode(Node):
             self.status.terminal.warn(ArmLine.NO_SWING, reason=failure)
             return
         self.frame_time = stamp  # set before the plan: the servo thread may begin the swing before `take` returns
-        selected = self.control.take(rackets)
+        try:
+            selected = self.control.take(rackets, self.may_improve)
+        finally:
+            set_thread_realtime(RESPONSE.realtime)
         first, reasons = (selected.reasons[0].failure if selected.reasons else None), "; ".join(map(str, selected.reasons))
         if selected.swing is None or selected.reach is None:
             is_kept = selected.refused is not None and selected.refused.code in NORMAL_REASONS
@@ -302,6 +305,11 @@ class ArmNode(Node):
         )
         self.status.terminal.info(ArmLine.SWING, ahead=selected.swing.strike_time - self.now(), ratio=selected.reach.ratio)
         self.swings.publish(swing_to_message(self.joints, selected.swing.start.time, *selected.swing.table(SWING_POINT_INTERVAL)))
+
+    def may_improve(self) -> bool:
+        """Return whether no newer strokes wait, so that a planned swing may be improved; other work is more urgent than that."""
+        set_thread_realtime(IMPROVEMENT.realtime)
+        return self.strokes is None
 
     def report_no_swing(self, stamp: float, failure: Failure) -> None:
         """Publish why strokes that rest on a frame of `stamp` (s) are not tried."""

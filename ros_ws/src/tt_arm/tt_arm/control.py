@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -53,7 +53,11 @@ class ControlParams:
     )
     replan: bool = param(True, "", "whether newer strokes for the ball on its way may change the swing")
     replan_distance: float = param(
-        0.002, "m", "distance of a newer stroke from the present one, below which the swing stays; see `stroke_distances`", low=0.0, high=1.0
+        0.002,
+        "m",
+        "distance of a newer stroke from the present one, below which the swing stays; see `stroke_distances`",
+        low=0.0,
+        high=1.0,
     )
     same_ball: float = param(
         0.2,
@@ -181,6 +185,7 @@ class ArmControl:
         self._pause: tuple[Failure, float] | None = None  # why the arm rests for a while, and until when (s, monotonic)
         self._begin = -np.inf  # s, the strike before the coming one, which no newer swing may touch
         self._before = self._ball = -np.inf  # s, when the ball before this one, and this one, can be hit first
+        self._is_soonest = False  # whether the search for a stroke after which the arm waits sooner is done for this ball
         self._lock, self._stops = threading.Lock(), 0  # how often the swing was given up
 
     def enable(self, on: bool, reason: Failure | None = None) -> None:
@@ -292,11 +297,15 @@ class ArmControl:
         reason = failure if now - at < self.states.deadline else silence  # states that come but cannot be used tell more than silence
         return ControlStep(self.guard.stop(now), self.stopped_by or reason)
 
-    def take(self, rackets: Sequence[RacketState]) -> StrokeSelection:
+    def take(self, rackets: Sequence[RacketState], go_on: Callable[[], bool] | None = None) -> StrokeSelection:
         """Select one of the candidate strokes and plan its swing, which begins in a later call of `step`.
+
+        If balls come one soon after the other, another stroke is then searched, after which the arm waits for the next ball sooner.
 
         Args:
             rackets: Racket states of the candidates, in order of preference.
+            go_on: Called before each step of that search; if it returns False, the search ends, and begins again with the next strokes for
+                this ball. None: the search is not interrupted.
 
         Returns:
             The selected stroke with its swing. If no candidate can be made, or the present swing is kept, it has no stroke but the reasons.
@@ -320,13 +329,12 @@ class ArmControl:
             and any(abs(r.time - stroke.racket.time) < self.params.same_ball for r in rackets)
         ):
             return _refused(Failure(ArmStop.SWING_COMMITTED, left=left, bound=self.params.commit))
-        current = stroke if left > 0.0 else None
+        current, kept = (stroke if left > 0.0 else None), False
         if current is not None and any(abs(r.time - current.racket.time) < self.params.same_ball for r in rackets):
             if not self.params.replan:
                 return _refused(Failure(ArmStop.SWING_ON_ITS_WAY))
             correction = float(stroke_distances(current.racket, rackets).min())
-            if correction < self.params.replan_distance:
-                return _refused(Failure(ArmStop.SWING_WILL_DO))
+            kept = correction < self.params.replan_distance
             if correction > self.params.largest_correction:
                 return _refused(Failure(ArmStop.CORRECTION_TOO_LARGE, distance=correction, bound=self.params.largest_correction))
         elif current is not None:  # another ball: what is on its way comes first
@@ -334,10 +342,16 @@ class ArmControl:
         time = max(joints.time + self.params.ahead, begin)
         start = _path_at(time, swing, coming).joints(time)
         hurried = self._hurries(rackets)
-        selected = select_stroke(self.model, rackets, start, self._limits, self.reaching, self.selection, current, hurried)
-        if selected.swing is None or not self._commit(selected, begin, stops):
-            return selected if selected.swing is None else _refused(Failure(ArmStop.STOPPED_MEANWHILE))
-        return self._sooner(selected, rackets, start, begin, stops) if hurried and current is None else selected
+        if kept and current is not None:
+            selected = StrokeSelection(None, current.racket, current.reach, coming or swing, (), corrects=True)
+        else:
+            selected = select_stroke(self.model, rackets, start, self._limits, self.reaching, self.selection, current, hurried)
+            if selected.swing is None or not self._commit(selected, begin, stops):
+                return selected if selected.swing is None else _refused(Failure(ArmStop.STOPPED_MEANWHILE))
+        last = selected
+        if hurried and not self._is_soonest:
+            last = self._sooner(selected, rackets, start, begin, stops, go_on or (lambda: True))
+        return _refused(Failure(ArmStop.SWING_WILL_DO)) if kept and last is selected else last
 
     def _commit(self, selected: StrokeSelection, begin: float, stops: int) -> bool:
         """Make a selected swing the coming one, unless swings were given up since the count `stops` was read; return whether it is."""
@@ -350,13 +364,25 @@ class ArmControl:
         return True
 
     def _sooner(
-        self, selected: StrokeSelection, rackets: Sequence[RacketState], start: Joints, begin: float, stops: int
+        self,
+        selected: StrokeSelection,
+        rackets: Sequence[RacketState],
+        start: Joints,
+        begin: float,
+        stops: int,
+        go_on: Callable[[], bool],
     ) -> StrokeSelection:
         """Replace the selected swing by one after which the arm waits for the next ball sooner, if there is one; return the selection.
 
         The arm begins with the first selected stroke while the postures of the other candidates are searched, and then changes to the best.
         """
-        sooner = select_sooner(self.model, rackets, start, self._limits, self.reaching, self.selection, selected)
+        self._is_soonest = True
+
+        def goes_on() -> bool:
+            self._is_soonest = go_on()
+            return self._is_soonest
+
+        sooner = select_sooner(self.model, rackets, start, self._limits, self.reaching, self.selection, selected, goes_on)
         with self._lock:
             joints, swing, coming = self.joints, self.swing, self.coming
         if sooner is selected or joints is None or swing is None or sooner.racket is None or sooner.reach is None:
@@ -490,7 +516,7 @@ class ArmControl:
         """Return whether these strokes are for a ball that comes less than `hurry` after the ball before it, hit or not."""
         ball = min((racket.time for racket in rackets), default=-np.inf)
         if ball > self._ball + self.params.same_ball:
-            self._before, self._ball = self._ball, ball
+            self._before, self._ball, self._is_soonest = self._ball, ball, False
         return self._ball < self._before + self.params.hurry
 
     def _give_up(self) -> None:

@@ -157,7 +157,9 @@ def rate(q: Array, qdot: Array, rows: Array, limits: JointBounds) -> Rating:
 
 
 @njit(cache=True)
-def nearest_posture(position: Array, normal: Array, velocity: Array, seed: Array, limits: JointBounds, chain: Chain) -> tuple[bool, Array, Array, tuple[float, float, int, float]]:
+def nearest_posture(
+    position: Array, normal: Array, velocity: Array, seed: Array, limits: JointBounds, chain: Chain
+) -> tuple[bool, Array, Array, tuple[float, float, int, float]]:
     """Find a posture near a seed by Newton's method, and the least joint speeds for the racket's velocity.
 
     Args:

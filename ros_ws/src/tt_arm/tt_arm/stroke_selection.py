@@ -6,7 +6,7 @@ and joint speeds from the racket state, and `swing.strike` plans and checks the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from .joints import Joints
 from .model import ArmModel
 from .reach import REACH_METHODS, Reach, ReachFailure, ReachParams, reach
 from .stroke_correction import by_distance, corrections, postures
-from .swing import StrikePlan, Swing, SwingFailure, SwingLimits, strike
+from .swing import StrikePlan, Swing, SwingFailure, SwingLimits, return_time, strike
 
 MOST_LATE = 0.1  # s; if the swing would be late by more than this, another posture would hardly be in time, so none is searched
 LEAST_TIME, MOST_TIME = 0.05, 10.0  # s, bounds of the swing times for which postures are searched
@@ -181,8 +181,9 @@ def select_sooner(
     reaching: ReachParams,
     params: SelectionParams,
     selected: StrokeSelection,
+    go_on: Callable[[], bool],
 ) -> StrokeSelection:
-    """Select, among the selected stroke and the candidates after it, the one after which the arm waits for the next ball soonest.
+    """Select, among the selected stroke and the other candidates, the one after which the arm waits for the next ball soonest.
 
     Args:
         model: The arm.
@@ -191,18 +192,24 @@ def select_sooner(
         limits: Limits that the swing must keep.
         reaching: Parameters of the posture search.
         params: `params.hurried` is the number of candidates that are tried.
-        selected: Result of `select_stroke` for these candidates; it must have a stroke.
+        selected: The selected stroke with its swing. Unless it corrects a stroke, the candidates before it are not tried.
+        go_on: Called before each candidate; the selection ends if it returns False.
 
     Returns:
-        `selected`, or the selection of a later candidate whose swing ends earlier.
+        `selected`, or the selection of another candidate whose swing ends earlier.
     """
-    first: int = selected.index  # type: ignore[assignment]
+    first = -1 if selected.index is None or selected.corrects else selected.index
     best, end = selected, selected.swing.end_time  # type: ignore[union-attr]
-    efforts = _efforts(reaching, params)
+    effort = _usual(reaching, params)
     for i, racket in enumerate(rackets[first + 1 : params.hurried], first + 1):
-        target, planned = _try(model, racket, start, limits, reaching, params.method, efforts)
-        if planned.swing is not None and planned.swing.end_time < end:
-            best, end = replace(selected, index=i, racket=racket, reach=target, swing=planned.swing), planned.swing.end_time
+        if not go_on():
+            break
+        target = _search(model, racket, start, limits, reaching, params.method, effort)
+        if target.reason is not None or return_time(model, target, racket.time, limits) >= end:
+            continue
+        swing = strike(model, start, target, racket.time, limits).swing
+        if swing is not None and swing.end_time < end:
+            best, end = replace(selected, index=i, racket=racket, reach=target, swing=swing), swing.end_time
     return best
 
 
@@ -228,21 +235,12 @@ def _try(
     The searches `efforts` are made one after the other until one has a swing. If the arm would be in time, but not within its limits on the
     way, the posture nearest to `start` is tried before the next search: the arm moves least on its way there.
     """
-    left = racket.time - start.time - limits.ramp
     nearest: StrikePlan | None = None
-    for spare, weight, margin in efforts:
-        weighed = replace(
-            reaching,
-            swing_time=min(MOST_TIME, max(LEAST_TIME, left - spare)),
-            acceleration=limits.acceleration,
-            return_weight=weight,
-            command_timeout=limits.hold,
-        )
-        joints = model.limits.reduced(speed=limits.speed_share * (1.0 - margin))
-        target = reach(model, racket, start.q, weighed, qdot=start.qdot, method=method, limits=joints)
+    for effort in efforts:
+        target = _search(model, racket, start, limits, reaching, method, effort)
         planned = strike(model, start, target, racket.time, limits)
         too_fast = target.reason is not None and target.reason.code is ReachFailure.BEYOND_SPEED_LIMIT
-        if planned.swing is not None or (planned.earliest - racket.time > MOST_LATE and not (too_fast and margin > 0.0)):
+        if planned.swing is not None or (planned.earliest - racket.time > MOST_LATE and not (too_fast and effort.margin > 0.0)):
             break
         if nearest is None and planned.failure is not None and planned.failure.code in ON_THE_WAY:
             near = reach(model, racket, start.q, method="near", limits=model.limits.reduced(speed=limits.speed_share))
@@ -252,12 +250,32 @@ def _try(
     return target, planned
 
 
+def _search(
+    model: ArmModel, racket: RacketState, start: Joints, limits: SwingLimits, reaching: ReachParams, method: str, effort: _Effort
+) -> Reach:
+    """Search the best posture for one candidate."""
+    weighed = replace(
+        reaching,
+        swing_time=min(MOST_TIME, max(LEAST_TIME, racket.time - start.time - limits.ramp - effort.spare)),
+        acceleration=limits.acceleration,
+        return_weight=effort.return_weight,
+        command_timeout=limits.hold,
+    )
+    joints = model.limits.reduced(speed=limits.speed_share * (1.0 - effort.margin))
+    return reach(model, racket, start.q, weighed, qdot=start.qdot, method=method, limits=joints)
+
+
+def _usual(reaching: ReachParams, params: SelectionParams) -> _Effort:
+    """Return the usual search: with time to spare and a short return."""
+    return _Effort(params.spare, reaching.return_weight, 0.0)
+
+
 def _efforts(reaching: ReachParams, params: SelectionParams) -> list[_Effort]:
     """Return the searches for the posture of one candidate, in turn.
 
     The first ones keep a margin of the joint speeds, time to spare and a short return. The last one uses all that the limits permit, to be
     in time.
     """
-    usual = _Effort(params.spare, reaching.return_weight, 0.0)
+    usual = _usual(reaching, params)
     with_margin = [usual._replace(margin=params.margin)] if params.margin > 0.0 else []
     return [*with_margin, usual, _Effort(LESS_SPARE * params.spare, 0.0, 0.0)]

@@ -201,6 +201,25 @@ def strike(model: ArmModel, start: Joints, target: Reach, strike_time: float, li
     return _strike(task, _within_limits(task, start), target, strike_time)
 
 
+def return_time(model: ArmModel, target: Reach, strike_time: float, limits: SwingLimits) -> float:
+    """Return the time (s) at which the arm waits again after a strike, without a check whether its way back keeps all limits.
+
+    Args:
+        model: The arm.
+        target: Joint positions and speeds at the strike.
+        strike_time: s, time of the strike.
+        limits: Limits that the swing must keep.
+    """
+    task, rest = SwingTask.of(model, limits), np.zeros(len(model.names))
+    return strike_time + _time_back(task.new_path(), task, make_leg(target.q, target.qdot, rest, model.waiting, rest))
+
+
+def _time_back(path: Path, task: SwingTask, leg: Leg) -> float:
+    """Return the duration (s) of a return to the waiting posture along a leg; inf if it is not possible."""
+    least = max(LEG_STEP, path.shortest_time(0.0, leg))
+    return path.shortest_time(task.limits.unhurried_return * least, leg)
+
+
 def _strike(task: SwingTask, start: Joints, target: Reach, strike_time: float) -> StrikePlan:
     """Plan a strike from a start within the limits: approach, check, return, check."""
     if target.reason is not None:
@@ -274,8 +293,7 @@ def append_return(path: Path, task: SwingTask, leg: Leg, softly: float | None) -
         time, brake = _brake(path, task, leg, softly)
         path.leg(time, brake)
         leg = make_leg(brake["q1"], np.zeros(len(leg)), np.zeros(len(leg)), leg["q1"], leg["v1"])
-    least = max(LEG_STEP, path.shortest_time(0.0, leg))
-    time = path.shortest_time(task.limits.unhurried_return * least, leg)
+    time = _time_back(path, task, leg)
     found = not math.isinf(time)
     if found:
         path.leg(time, leg)

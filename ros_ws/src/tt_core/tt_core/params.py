@@ -48,7 +48,8 @@ def check(params: Any) -> None:
         BadChoice: A text is none of the choices.
         BadShape: A tuple of floats has another length than its default, unless that is empty.
     """
-    for name, default, metadata in _fields(type(params)):
+    kind: Any = type(params)
+    for name, default, metadata in _fields(kind):
         value = getattr(params, name)
         if type(value) is float and metadata["low"] <= value <= metadata["high"] and math.isfinite(value):
             continue  # sooner than by `check_value`; the arm makes new parameters for each stroke

@@ -31,6 +31,7 @@ ORDINARY = Priority()
 CONTROL = Priority(20, -10)  # arm and hardware: short work at fixed times
 RESPONSE = Priority(15, -5)  # camera, tracker, prediction, strokes: short work, needed while the ball is in flight
 MEASUREMENT = Priority(10, -5)  # long work, needed while the ball is in flight
+IMPROVEMENT = Priority(5, 0)  # long work that only improves a result which is there already
 
 
 def set_nice(nice: int) -> None:

@@ -96,9 +96,7 @@ class RacketNode(Node):
         Input(self, kind, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
         self.bad_physics = Refusals(self.status, "physics")
         Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
-        paths = Input(
-            self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths, read=path_from_bytes
-        )
+        paths = Input(self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths, read=path_from_bytes)
         self.status.wait_for([paths])
 
     def on_goal_params(self, params: GoalParams) -> None:

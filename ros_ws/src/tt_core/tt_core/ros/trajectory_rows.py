@@ -57,7 +57,7 @@ class TrajectoryRows(NamedTuple):
 
 @cache
 def _start(joint: str) -> tuple[struct.Struct, tuple[object, ...]]:
-    """Return the layout of a trajectory in `table` up to the number of its points, and the fixed numbers and texts between stamp and that.
+    """Return the layout of a trajectory in `table` up to the number of its points, and what is between the stamp and that number.
 
     Args:
         joint: Name of its only joint.
@@ -110,4 +110,5 @@ def rows_from_bytes(joint: str, data: bytes) -> TrajectoryRows | None:
     if first != (1,) or not one.all():
         return None
     after = points["sec"] + 1e-9 * points["nanosec"]
-    return TrajectoryRows(Time(sec=sec, nanosec=nanosec), after, points["translation"], points["rotation"], points["linear"], points["angular"])
+    numbers = (points[name] for name in ("translation", "rotation", "linear", "angular"))
+    return TrajectoryRows(Time(sec=sec, nanosec=nanosec), after, *numbers)
