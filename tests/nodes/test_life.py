@@ -22,7 +22,7 @@ from tt_core.errors import TtError
 from tt_core.priority import RESPONSE
 from tt_core.ros import diagnostics as status_module
 from tt_core.ros.diagnostics import Status
-from tt_core.ros.inputs import Input
+from tt_core.ros.inputs import STATE_FORM, Input
 from tt_core.ros.presence import Presence
 from tt_core.ros.qos import LATEST, RELIABLE
 from tt_core.shared_memory import IMAGE_SEGMENT, SMALL_SEGMENT
@@ -135,7 +135,7 @@ def test_it_tells_what_it_waits_for(probe, until, monkeypatch):
     monkeypatch.setattr(status_module, "START_GRACE", 2.5)
     monkeypatch.setattr(status_module, "STATUS_PERIOD", 0.2)
     probe.create_subscription(DiagnosticArray, "/diagnostics", lambda message: statuses.extend(message.status), RELIABLE)
-    ball = Input(probe, Odometry, "ball/state", lambda _: None, RELIABLE, largest=10_000, refused=refuse)
+    ball = Input(probe, STATE_FORM, "ball/state", lambda _: None, RELIABLE, refused=refuse)
     Status(probe).wait_for([ball])
 
     def last():

@@ -91,6 +91,6 @@ def test_other_flight_times_come_after_the_strokes_as_asked():
 def test_no_more_strokes_are_offered_than_a_message_holds():
     path = path_from(0.0)
     goal = FollowedBall().follow(path, GoalParams())
-    found = intercept(path, goal, PHYSICS, replace(InterceptParams.window("reachable"), spacing=0.002, fallback_time=-0.1))
+    found = intercept(path, goal, PHYSICS, replace(InterceptParams.window("reachable"), spacing=0.0028, fallback_time=-0.1))
     assert len(found.strokes) == 64 == len(found.relaxed)
     strokes_to_message([stroke.racket for stroke in found.strokes], path.times[0])

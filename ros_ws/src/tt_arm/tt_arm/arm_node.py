@@ -22,16 +22,16 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+from trajectory_msgs.msg import JointTrajectory
 from tt_core.errors import TtError
 from tt_core.failures import Failure, code_name
 from tt_core.params import check, param
 from tt_core.priority import CONTROL, IMPROVEMENT, RESPONSE, set_thread_realtime
 from tt_core.robots import read_arm
 from tt_core.ros.clock_offset import ClockMonitor
-from tt_core.ros.convert import StampedStrokes, joints_from_message, strokes_from_bytes, swing_to_message
+from tt_core.ros.convert import StampedStrokes, joints_from_message, swing_to_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STROKES, PUBLISHER_CHECK_INTERVAL, Input
+from tt_core.ros.inputs import JOINTS_FORM, PUBLISHER_CHECK_INTERVAL, STROKES_FORM, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST
@@ -146,18 +146,9 @@ class ArmNode(Node):
         self.swings = self.create_publisher(JointTrajectory, "arm/swing", LATEST)
         self.description = self.create_publisher(String, "robot_description", LATCHED)
         self.description.publish(String(data=model.placed_description))
-        self.states = Input(self, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=self.on_refused_state)
+        self.states = Input(self, JOINTS_FORM, "joint_states", self.on_joints, NEWEST, refused=self.on_refused_state)
         self.refused_strokes = Refusals(self.status, "strokes")
-        candidates = Input(
-            self,
-            MultiDOFJointTrajectory,
-            "racket/strokes",
-            self.on_strokes,
-            LATEST,
-            largest=LARGEST_STROKES,
-            refused=self.refused_strokes,
-            read=strokes_from_bytes,
-        )
+        candidates = Input(self, STROKES_FORM, "racket/strokes", self.on_strokes, LATEST, refused=self.refused_strokes)
         self.status.wait_for((self.states, candidates))
         self.clock_offset = params.clock_offset
         self.clocks = ClockMonitor(self, self.status, self.clock_offset)

@@ -23,7 +23,7 @@ from tt_core.params import check, param
 from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, joints_from_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LARGEST_JOINTS, LARGEST_STATE, Input
+from tt_core.ros.inputs import JOINTS_FORM, STATE_FORM, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE, SENSOR
@@ -99,8 +99,8 @@ class LearnNode(Node):
         self.wide = WideInputs(self, self.status, self.on_pixel, self.on_calibration)
         inputs = list(self.wide.inputs)
         ball, joints = self.refused["measured ball"], self.refused["joint state"]
-        inputs.append(Input(self, Odometry, "ball/measured", self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=ball))
-        inputs.append(Input(self, JointState, "joint_states", self.on_joints, SENSOR, largest=LARGEST_JOINTS, refused=joints))
+        inputs.append(Input(self, STATE_FORM, "ball/measured", self.on_ball, RELIABLE, refused=ball))
+        inputs.append(Input(self, JOINTS_FORM, "joint_states", self.on_joints, SENSOR, refused=joints))
         self.status.wait_for(inputs)
 
     def on_calibration(self) -> None:

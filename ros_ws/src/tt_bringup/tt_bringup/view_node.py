@@ -31,7 +31,7 @@ from tt_core.params import check, param
 from tt_core.priority import Priority
 from tt_core.ros.convert import ball_from_message, goal_to_message, image_from_message
 from tt_core.ros.diagnostics import Event, Status, read_status
-from tt_core.ros.inputs import LARGEST_STATE, Input
+from tt_core.ros.inputs import STATE_FORM, Input, MessageForm
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, NEWEST, SENSOR
@@ -46,7 +46,7 @@ from .view.scene_inputs import SceneInputs
 NICE = 10  # priority of the process: the robot comes first
 UPDATES_PER_PANEL = 6  # the panels are updated once in so many updates of the scene
 IMAGES = 0.01  # s, shortest time between two images of a camera that are read
-LARGEST_SHOWN_IMAGE = 2**26  # bytes, largest message with an image that is read
+SHOWN_IMAGE_FORM = MessageForm(Image, 2**26)
 SHOWN_STAGES = (
     Event.FIRST_ESTIMATE,
     Event.MEASURED,
@@ -109,11 +109,11 @@ class ViewNode(Node):
             interval: Shortest time between two true balls that are read, s.
         """
         refused = self.inputs.refused
-        Input(self, Odometry, "sim/ball", self.on_true_ball, SENSOR, largest=LARGEST_STATE, refused=refused, interval=interval)
+        Input(self, STATE_FORM, "sim/ball", self.on_true_ball, SENSOR, refused=refused, interval=interval)
         for side in SIDES:
             on_image = lambda message, side=side: self.on_image(side, message)  # noqa: E731
             topic = f"camera/{side}/image_raw"
-            Input(self, Image, topic, on_image, NEWEST, largest=LARGEST_SHOWN_IMAGE, refused=refused, interval=IMAGES)
+            Input(self, SHOWN_IMAGE_FORM, topic, on_image, NEWEST, refused=refused, interval=IMAGES)
 
     def on_true_ball(self, message: Odometry) -> None:
         """Give the true ball of the simulator to the scene."""

@@ -20,7 +20,7 @@ from tt_core.params import check, param
 from tt_core.priority import RESPONSE
 from tt_core.ros.convert import ball_from_message, path_to_bytes, path_to_poses
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LARGEST_PHYSICS, LARGEST_STATE, Input
+from tt_core.ros.inputs import PHYSICS_FORM, STATE_FORM, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE
@@ -79,11 +79,9 @@ class PredictNode(Node):
         self.poses = self.create_publisher(Path, "ball/path_poses", RELIABLE)
         self.refused = Refusals(self.status, "state")
         self.bad_physics = Refusals(self.status, "physics")
-        Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
+        Input(self, PHYSICS_FORM, "physics", self.on_physics, LATCHED, refused=self.bad_physics)
         topics = {"ball/state": self.on_ball, **({"ball/first": self.on_first} if self.params.first else {})}
-        inputs = [
-            Input(self, Odometry, topic, take, RELIABLE, largest=LARGEST_STATE, refused=self.refused) for topic, take in topics.items()
-        ]
+        inputs = [Input(self, STATE_FORM, topic, take, RELIABLE, refused=self.refused) for topic, take in topics.items()]
         self.status.wait_for(inputs)
 
     def on_physics(self, message: String) -> None:

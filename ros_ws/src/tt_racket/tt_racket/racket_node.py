@@ -15,9 +15,9 @@ from tt_core.learnt_physics import physics_from_text
 from tt_core.params import check, param
 from tt_core.priority import RESPONSE
 from tt_core.robots import read_arm
-from tt_core.ros.convert import goal_from_message, path_from_bytes, strokes_to_bytes
+from tt_core.ros.convert import goal_from_message, strokes_to_bytes
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_PATH, LARGEST_PHYSICS, Input
+from tt_core.ros.inputs import GOAL_FORM, PATH_FORM, PHYSICS_FORM, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, RELIABLE
@@ -92,11 +92,10 @@ class RacketNode(Node):
         self.status = Status(self)
         self.strokes = self.create_publisher(MultiDOFJointTrajectory, "racket/strokes", LATEST)
         self.bad_goals, self.bad_paths = Refusals(self.status, "goal"), Refusals(self.status, "path")
-        kind = MultiDOFJointTrajectory
-        Input(self, kind, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=self.bad_goals)
+        Input(self, GOAL_FORM, "return/goal", self.on_goal, LATCHED, refused=self.bad_goals)
         self.bad_physics = Refusals(self.status, "physics")
-        Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
-        paths = Input(self, kind, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=self.bad_paths, read=path_from_bytes)
+        Input(self, PHYSICS_FORM, "physics", self.on_physics, LATCHED, refused=self.bad_physics)
+        paths = Input(self, PATH_FORM, "ball/path", self.on_path, RELIABLE, refused=self.bad_paths)
         self.status.wait_for([paths])
 
     def on_goal_params(self, params: GoalParams) -> None:

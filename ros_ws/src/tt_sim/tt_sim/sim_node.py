@@ -44,7 +44,7 @@ from tt_core.ros.convert import (
     stamp,
 )
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import PUBLISHER_CHECK_INTERVAL, Input
+from tt_core.ros.inputs import PUBLISHER_CHECK_INTERVAL, Input, MessageForm
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE, SENSOR, TRUTH
@@ -66,7 +66,7 @@ from .world.plant import Plant, PlantParams
 from .world_file import WorldParams, load_world
 
 THREAD_SWITCH_INTERVAL = 5e-4  # s, longest time that the thread of SimLoop waits for another thread of Python
-LARGEST_COMMAND = 4096  # bytes of a command
+COMMAND_FORM = MessageForm(Float64MultiArray, 4096)
 DARK = 8  # grey level of an image without a ball
 
 
@@ -123,15 +123,7 @@ class SimNode(Node):
         dark = [image_to_message(np.full((c.height, c.width), DARK, np.uint8), 0.0, f"{name}_optical") for c, name in cameras]
         self.loop = SimLoop(self.params, world, plant, self.drive, self.launches, dark, self)
         self.loop.rate = self.launcher.rate
-        self.commands = Input(
-            self,
-            Float64MultiArray,
-            "arm_velocity_controller/commands",
-            self.on_command,
-            NEWEST,
-            largest=LARGEST_COMMAND,
-            refused=self.refused,
-        )
+        self.commands = Input(self, COMMAND_FORM, "arm_velocity_controller/commands", self.on_command, NEWEST, refused=self.refused)
         self.create_timer(PUBLISHER_CHECK_INTERVAL, self.check_sole_publisher, clock=NodeClock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "launcher/launch", self.on_launch)
         self.create_service(SetBool, "sim/pause", self.on_pause)

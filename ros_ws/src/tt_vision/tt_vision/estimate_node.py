@@ -26,7 +26,7 @@ from tt_core.priority import MEASUREMENT
 from tt_core.ros.clock_offset import answer_clock_pings
 from tt_core.ros.convert import ball_to_message, camera_from_message, image_from_message, stamp_seconds
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LARGEST_INFO, Input
+from tt_core.ros.inputs import INFO_FORM, Input, MessageForm
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RECORDED, RELIABLE, SENSOR
@@ -44,7 +44,7 @@ from .rig import SIDES, high_speed_pair
 from .spin.registration import SearchParams
 from .warm import warm
 
-LARGEST_IMAGE = 2**24 + 4096  # bytes of a message, for 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
+IMAGE_FORM = MessageForm(Image, 2**24 + 4096)  # for 4096 x 4096 pixels of 8 bits; the high speed cameras send 54 kB
 MOST_HELD = 8  # number of bursts, of twelve images of 54 kB each
 
 
@@ -163,8 +163,8 @@ class EstimateNode(Node):
         for side, name in enumerate(SIDES):
             info, image = f"camera/{name}/camera_info", f"camera/{name}/image_raw"
             on_info, on_image = partial(self.on_info, side), partial(self.on_image, side)
-            inputs.append(Input(self, CameraInfo, info, on_info, LATCHED, largest=LARGEST_INFO, refused=self.bad_infos[side]))
-            inputs.append(Input(self, Image, image, on_image, (SENSOR, RECORDED), largest=LARGEST_IMAGE, refused=self.bad_images[side]))
+            inputs.append(Input(self, INFO_FORM, info, on_info, LATCHED, refused=self.bad_infos[side]))
+            inputs.append(Input(self, IMAGE_FORM, image, on_image, (SENSOR, RECORDED), refused=self.bad_images[side]))
         self.status.wait_for([one for side in self.sides for one in inputs[2 * side : 2 * side + 2]])
 
     def on_info(self, side: int, message: CameraInfo) -> None:

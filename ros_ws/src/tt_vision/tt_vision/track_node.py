@@ -18,7 +18,7 @@ from tt_core.params import check, param
 from tt_core.priority import RESPONSE
 from tt_core.ros.convert import ball_from_message, ball_to_message
 from tt_core.ros.diagnostics import Event, Status
-from tt_core.ros.inputs import LARGEST_PHYSICS, LARGEST_STATE, Input
+from tt_core.ros.inputs import PHYSICS_FORM, STATE_FORM, Input
 from tt_core.ros.node_main import run
 from tt_core.ros.params import declare, declare_physics
 from tt_core.ros.qos import LATCHED, RELIABLE
@@ -70,12 +70,12 @@ class TrackNode(Node):
         self.status = Status(self)
         self.states = self.create_publisher(Odometry, "ball/state", RELIABLE)
         self.bad_balls, self.bad_physics = Refusals(self.status, "measured ball"), Refusals(self.status, "physics")
-        Input(self, String, "physics", self.on_physics, LATCHED, largest=LARGEST_PHYSICS, refused=self.bad_physics)
+        Input(self, PHYSICS_FORM, "physics", self.on_physics, LATCHED, refused=self.bad_physics)
         self.wide = WideInputs(self, self.status, self.on_pixel, self.on_calibration)
         self.tracker = Tracker(self.physics, self.wide.cameras, self.params)
         inputs = list(self.wide.inputs)
         for topic in ("ball/first", "ball/measured"):
-            inputs.append(Input(self, Odometry, topic, self.on_ball, RELIABLE, largest=LARGEST_STATE, refused=self.bad_balls))
+            inputs.append(Input(self, STATE_FORM, topic, self.on_ball, RELIABLE, refused=self.bad_balls))
         self.status.wait_for(inputs)
 
     def on_calibration(self) -> None:

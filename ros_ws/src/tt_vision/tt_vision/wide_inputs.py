@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo
 from tt_core.errors import TtError
 from tt_core.ros.convert import camera_from_message, pixel_from_message
 from tt_core.ros.diagnostics import Status
-from tt_core.ros.inputs import LARGEST_INFO, Input
+from tt_core.ros.inputs import INFO_FORM, Input, MessageForm
 from tt_core.ros.params import declare
 from tt_core.ros.qos import LATCHED, SENSOR
 from tt_core.ros.refusals import Refusals
@@ -21,7 +21,7 @@ from .camera import Camera
 from .camera_pose import CameraPose
 from .rig import WIDE_SIDES, wide_pair
 
-LARGEST_PIXEL = 1024  # bytes of a message; a pixel has 60
+PIXEL_FORM = MessageForm(PointStamped, 1024)  # a pixel has 60 bytes
 
 
 class WideInputs:
@@ -55,8 +55,8 @@ class WideInputs:
         for side, name in enumerate(WIDE_SIDES):
             info, pixel = f"camera/{name}/camera_info", f"camera/{name}/ball"
             take_info, take_pixel = partial(self._take_info, side), partial(self._take_pixel, side)
-            self.inputs.append(Input(node, CameraInfo, info, take_info, LATCHED, largest=LARGEST_INFO, refused=self._bad_infos))
-            self.inputs.append(Input(node, PointStamped, pixel, take_pixel, SENSOR, largest=LARGEST_PIXEL, refused=self._bad_pixels))
+            self.inputs.append(Input(node, INFO_FORM, info, take_info, LATCHED, refused=self._bad_infos))
+            self.inputs.append(Input(node, PIXEL_FORM, pixel, take_pixel, SENSOR, refused=self._bad_pixels))
 
     def _take_info(self, side: int, message: CameraInfo) -> None:
         """Replace a camera by one with the intrinsics of a message, unless they are the same as before."""

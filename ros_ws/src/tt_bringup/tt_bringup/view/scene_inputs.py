@@ -20,11 +20,9 @@ from tt_core.ros.convert import (
     ball_from_message,
     goal_from_message,
     joints_from_message,
-    path_from_bytes,
-    strokes_from_bytes,
 )
 from tt_core.ros.diagnostics import Event, Status, read_status
-from tt_core.ros.inputs import LARGEST_GOAL, LARGEST_JOINTS, LARGEST_PATH, LARGEST_STATE, LARGEST_STROKES, Input
+from tt_core.ros.inputs import GOAL_FORM, JOINTS_FORM, PATH_FORM, STATE_FORM, STROKES_FORM, Input, MessageForm
 from tt_core.ros.qos import LATCHED, LATEST, NEWEST, RELIABLE
 from tt_core.ros.refusals import Refusals
 from tt_core.states import Array, BallPath
@@ -32,7 +30,7 @@ from tt_core.states import Array, BallPath
 from .robot_shapes import RobotShapes
 from .scene import DrawnScene, ShownJoints, warm
 
-LARGEST_URDF, LARGEST_DIAGNOSTICS = 2**22, 2**18  # bytes, largest message of each kind that is read
+DESCRIPTION_FORM, DIAGNOSTICS_FORM = MessageForm(String, 2**22), MessageForm(DiagnosticArray, 2**18)
 
 
 class SceneInputs:
@@ -64,24 +62,15 @@ class SceneInputs:
         self.scene = DrawnScene(RobotShapes(self._urdf), physics)
         self.refused = Refusals(status, "message")
         warm(physics)
-        refused, trajectory = self.refused, MultiDOFJointTrajectory
-        Input(node, String, "robot_description", self.on_description, LATCHED, largest=LARGEST_URDF, refused=refused)
-        Input(node, JointState, "joint_states", self.on_joints, NEWEST, largest=LARGEST_JOINTS, refused=refused, interval=interval)
+        refused = self.refused
+        Input(node, DESCRIPTION_FORM, "robot_description", self.on_description, LATCHED, refused=refused)
+        Input(node, JOINTS_FORM, "joint_states", self.on_joints, NEWEST, refused=refused, interval=interval)
         for topic in ("ball/first", "ball/measured", "ball/state"):  # paths begin at any of them
-            Input(node, Odometry, topic, self.on_estimate, RELIABLE, largest=LARGEST_STATE, refused=refused)
-        Input(node, trajectory, "ball/path", self.on_path, RELIABLE, largest=LARGEST_PATH, refused=refused, read=path_from_bytes)
-        Input(
-            node,
-            trajectory,
-            "racket/strokes",
-            self.on_strokes,
-            LATEST,
-            largest=LARGEST_STROKES,
-            refused=refused,
-            read=strokes_from_bytes,
-        )
-        Input(node, trajectory, "return/goal", self.on_goal, LATCHED, largest=LARGEST_GOAL, refused=refused)
-        Input(node, DiagnosticArray, "/diagnostics", self.on_diagnostics, RELIABLE, largest=LARGEST_DIAGNOSTICS, refused=refused)
+            Input(node, STATE_FORM, topic, self.on_estimate, RELIABLE, refused=refused)
+        Input(node, PATH_FORM, "ball/path", self.on_path, RELIABLE, refused=refused)
+        Input(node, STROKES_FORM, "racket/strokes", self.on_strokes, LATEST, refused=refused)
+        Input(node, GOAL_FORM, "return/goal", self.on_goal, LATCHED, refused=refused)
+        Input(node, DIAGNOSTICS_FORM, "/diagnostics", self.on_diagnostics, RELIABLE, refused=refused)
 
     def now(self) -> float:
         """Return the present time of the node's clock, s."""

@@ -25,13 +25,13 @@ from ..clock_offsets import ClockOffset, ClockOffsets
 from ..errors import TtError, check_range
 from .convert import seconds
 from .diagnostics import Status
-from .inputs import Input
+from .inputs import Input, MessageForm
 from .qos import SENSOR
 
 PING, PONG = "clock_offset/ping", "clock_offset/pong"
 QUESTION_PERIOD = 0.25  # s between two questions
 OFFSET_REPORT_PERIOD = 1.0  # s between two reports
-LARGEST_CLOCK_MESSAGE = 1024  # bytes of a message
+CLOCK_FORM = MessageForm(TimeReference, 1024)
 PENDING = 16  # last questions whose answers are accepted, those of 4 s
 
 
@@ -45,7 +45,7 @@ def answer_clock_pings(node: Node) -> None:
         pong.header.stamp = node.get_clock().now().to_msg()
         pongs.publish(pong)
 
-    Input(node, TimeReference, PING, answer, SENSOR, largest=LARGEST_CLOCK_MESSAGE, refused=lambda error: _warn(node, error))
+    Input(node, CLOCK_FORM, PING, answer, SENSOR, refused=lambda error: _warn(node, error))
 
 
 class ClockMonitor:
@@ -71,7 +71,7 @@ class ClockMonitor:
         if node.get_parameter("use_sim_time").value:
             return
         self._pings = node.create_publisher(TimeReference, PING, SENSOR)
-        Input(node, TimeReference, PONG, self._on_pong, SENSOR, largest=LARGEST_CLOCK_MESSAGE, refused=lambda error: _warn(node, error))
+        Input(node, CLOCK_FORM, PONG, self._on_pong, SENSOR, refused=lambda error: _warn(node, error))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(QUESTION_PERIOD, self._ask, clock=steady)
         node.create_timer(OFFSET_REPORT_PERIOD, self._report, clock=steady)

@@ -4,29 +4,51 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from nav_msgs.msg import Odometry
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import CameraInfo, JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from ..errors import BadMessage, MessageFailure, TtError
+from .convert import path_from_bytes, strokes_from_bytes
 from .qos import compatible
 
 PUBLISHER_CHECK_INTERVAL = 0.25  # s between two checks which publishers a topic has
 
-# bytes, size above which a serialized message is refused
-LARGEST_STATE = 4096  # state of the ball, which has 730
-LARGEST_PATH = 2**19  # path of the ball: 2000 points have 270 kB
-LARGEST_STROKES = 2**15  # 128 strokes
-LARGEST_GOAL = 4096  # goal of a return: one point has 200
-LARGEST_JOINTS = 2**16  # joint state of 500 joints
-LARGEST_INFO = 4096  # CameraInfo; one with 14 coefficients has 500
-LARGEST_PHYSICS = 2**15  # learnt coefficients, which have 3,000
+
+@dataclass(frozen=True, slots=True)
+class MessageForm:
+    """Form of the messages of a topic.
+
+    Attributes:
+        kind: Message type.
+        largest: Bytes of a serialized message, above which it is refused.
+        read: Reads a serialized message. It raises TtError for a message with a wrong content, and RuntimeError for bytes that are no
+            message of this type. None: rclpy reads it as a message of type `kind`.
+    """
+
+    kind: type
+    largest: int
+    read: Callable[[bytes], Any] | None = None
+
+
+STATE_FORM = MessageForm(Odometry, 4096)  # state of the ball, which has 730 bytes
+PATH_FORM = MessageForm(MultiDOFJointTrajectory, 2**19, path_from_bytes)  # path of the ball: 2000 points have 270 kB
+STROKES_FORM = MessageForm(MultiDOFJointTrajectory, 2**15, strokes_from_bytes)  # 128 strokes
+GOAL_FORM = MessageForm(MultiDOFJointTrajectory, 4096)  # goal of a return: one point has 200 bytes
+JOINTS_FORM = MessageForm(JointState, 2**16)  # joint state of 500 joints
+INFO_FORM = MessageForm(CameraInfo, 4096)  # one with 14 coefficients has 500 bytes
+PHYSICS_FORM = MessageForm(String, 2**15)  # learnt coefficients, which have 3,000 bytes
 
 
 class Input:
@@ -43,35 +65,30 @@ class Input:
     def __init__(
         self,
         node: Node,
-        kind: type,
+        form: MessageForm,
         topic: str,
         callback: Callable[[Any], None],
         qos: QoSProfile | tuple[QoSProfile, QoSProfile],
         *,
-        largest: int,
         refused: Callable[[TtError], None],
         interval: float = 0.0,
-        read: Callable[[bytes], Any] | None = None,
     ) -> None:
         """Subscribe.
 
         Args:
             node: The node that subscribes.
-            kind: Message type.
+            form: Form of the messages.
             topic: Name, relative or absolute.
-            callback: Called with each message that is accepted, or with what `read` makes of it.
+            callback: Called with each message that is accepted, as `form.read` returns it.
             qos: Quality of service that is asked for if the publishers offer it. Of a pair, the second is used while all publishers are
                 reliable.
-            largest: Bytes of a serialized message, above which it is refused.
             refused: Takes the error of each message that is not accepted, because of its size or because it cannot be read.
             interval: s. A message that comes sooner than this after the last one is dropped without being read.
-            read: Reads a serialized message; `callback` gets its result. It raises TtError for a message with a wrong content, and
-                RuntimeError for bytes that are no message of this type. None: `callback` gets a message of type `kind`.
         """
-        self._node, self._kind, self._callback = node, kind, callback
-        self._read = read or partial(deserialize_message, message_type=kind)
+        self._node, self._form, self._callback = node, form, callback
+        self._read = form.read or partial(deserialize_message, message_type=form.kind)
         self._wanted, self._reliably = qos if isinstance(qos, tuple) else (qos, qos)
-        self._largest, self._refused, self._interval, self._due = largest, refused, interval, 0.0
+        self._refused, self._interval, self._due = refused, interval, 0.0
         self.topic, self.publishers = node.resolve_topic_name(topic), 0
         self._asked = self._wanted
         self._subscription = self._subscribe()
@@ -90,7 +107,7 @@ class Input:
 
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(use_default_callbacks=False)  # an event of a destroyed subscription ends the executor
-        return self._node.create_subscription(self._kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
+        return self._node.create_subscription(self._form.kind, self.topic, self._on_data, self._asked, event_callbacks=events, raw=True)
 
     def _on_data(self, data: bytes) -> None:
         if self._interval:
@@ -99,8 +116,8 @@ class Input:
                 return
             self._due = now + self._interval
         try:
-            if len(data) > self._largest:
-                raise BadMessage(MessageFailure.TOO_LARGE, topic=self.topic, size=len(data), most=self._largest)
+            if len(data) > self._form.largest:
+                raise BadMessage(MessageFailure.TOO_LARGE, topic=self.topic, size=len(data), most=self._form.largest)
             content = self._read(data)
         except TtError as error:
             self._refused(error)
