@@ -389,7 +389,7 @@ class ArmControl:
             return selected
         time = max(joints.time + self.params.ahead, begin)
         planned = strike(self.model, _path_at(time, swing, coming).joints(time), sooner.reach, sooner.racket.time, self._limits)
-        changed = replace(sooner, swing=planned.swing)
+        changed = replace(sooner, swing=planned.swing, corrects=False)
         return changed if planned.swing is not None and self._commit(changed, begin, stops) else selected
 
     def fail(self, error: Exception, now: float) -> Array:

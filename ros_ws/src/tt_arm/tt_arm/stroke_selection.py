@@ -101,7 +101,7 @@ class StrokeSelection:
         swing: Swing that makes the stroke; None if there is none.
         reasons: Why the other candidates that were tried cannot be made, in the order in which they were tried.
         refused: Why no candidate was tried at all; None if some were.
-        corrects: Whether the stroke replaces the one that the arm moves for, for the same ball.
+        corrects: Whether the stroke corrects the one that the arm moves for, because newer candidates for the same ball have come.
     """
 
     index: int | None
