@@ -500,3 +500,35 @@ def test_a_correction_that_is_too_large_keeps_the_swing():
     assert refused.code is ArmStop.CORRECTION_TOO_LARGE
     assert refused.values["distance"] == pytest.approx(0.1)
     assert missed(arm.run(0.6, first.time), first)[0] < 0.5
+
+
+def test_the_search_for_a_sooner_stroke_is_interrupted_and_begins_again_with_newer_strokes():
+    arm, asked = Arm(), list[bool]()
+    arm.run(0.05)
+    assert arm.control.take([printed(0.6)[0]]).index == 0
+    arm.run(0.65)
+    second = printed(1.3)  # 0.7 s after the first ball: the arm hurries
+
+    def take(rackets, goes_on):
+        asked.clear()
+        return arm.control.take(rackets, lambda: asked.append(goes_on) or goes_on)
+
+    first = take(second, False)
+    assert first.swing is not None and not first.corrects
+    assert asked == [False]
+    kept = take(second, True)  # the same strokes: the swing stays unless a sooner one is found, and that search is made to its end
+    assert len(asked) == len(second)
+    assert kept.swing is None or kept.swing.end_time < first.swing.end_time
+    take(second, True)
+    assert asked == []
+
+
+def test_where_the_way_to_the_best_posture_is_refused_the_nearest_one_is_taken():
+    """Of these 1,000 strokes 957 were made on the day with the best posture alone, and 970 with the nearest one where its way is refused."""
+    rng, made = np.random.default_rng(1), 0
+    for _ in range(1000):
+        position = rng.uniform([-0.35, 0.40, 0.12], [0.0, 1.125, 0.45])
+        velocity = rng.uniform([0.5, -0.3, 0.2], [1.6, 0.3, 1.7])
+        racket = RacketState(0.6, position, velocity, rng.normal(0.0, 0.12), rng.uniform(0.7, 1.8))
+        made += select_stroke(MODEL, [racket], HELD, SwingLimits(), ReachParams(), SelectionParams()).swing is not None
+    assert made >= 964
