@@ -524,7 +524,7 @@ def test_the_search_for_a_sooner_stroke_is_interrupted_and_begins_again_with_new
 
 
 def test_where_the_way_to_the_best_posture_is_refused_the_nearest_one_is_taken():
-    """Of these 1,000 strokes 957 were made on the day with the best posture alone, and 970 with the nearest one where its way is refused."""
+    """Of these strokes 957 were made on the day with the best posture alone, and 970 with the nearest one where its way is refused."""
     rng, made = np.random.default_rng(1), 0
     for _ in range(1000):
         position = rng.uniform([-0.35, 0.40, 0.12], [0.0, 1.125, 0.45])
