@@ -84,7 +84,8 @@ class Watch(Node):
         self.create_subscription(Odometry, "/ball/state", self.on_state, RELIABLE, raw=True)
 
     def on_state(self, data: bytes, info: dict[str, int]) -> None:
-        time = seconds(Time(**dict(zip(("sec", "nanosec"), struct.unpack_from("<iI", data, 4), strict=True))))  # the stamp comes first
+        sec, nanosec = struct.unpack_from("<iI", data, 4)  # the stamp comes first in a serialized message
+        time = seconds(Time(sec=sec, nanosec=nanosec))
         self.latencies[f"{time:.9f}"].setdefault("tracked", 1e3 * (1e-9 * info["source_timestamp"] - time))
 
     def capture(self) -> None:

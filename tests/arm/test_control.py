@@ -159,7 +159,7 @@ def test_why_each_candidate_failed_is_told():
     refused = [(refusal.index, refusal.failure.code) for refusal in selection.reasons]
     codes = ReachFailure.OUT_OF_REACH, SwingFailure.TOO_SOON, SwingFailure.CLEARANCE, SelectionFailure.NOT_TRIED
     assert refused == list(zip((0, 1, 2, None), codes, strict=True))
-    assert selection.reasons[3].failure.values == {"count": 2}
+    assert selection.reasons[3].failure.values == {"first": 3, "last": 4}
 
 
 def test_nothing_moves_unless_enabled():
@@ -403,7 +403,7 @@ def test_an_arm_that_follows_no_command_rests_and_goes_on_when_it_does():
 def test_an_arm_that_cannot_follow_any_path_rests_and_tries_slowly():
     """Whatever is planned needs 20 rad/s^2, and commands may only change by 1 rad/s^2.
 
-    The strokes come 0.44 s before the strike: then the arm has no time to wait, and begins before the next strokes replace them.
+    The strokes come 0.44 s before the strike: with more time the arm waits at first, and the next strokes come before it begins.
     """
     arm = Arm(guard=GuardParams(acceleration=1.0))
     for k in range(40):

@@ -1,4 +1,4 @@
-"""Reading and writing the bytes of trajectories must agree with rclpy, for every message that a publisher may send."""
+"""`rows_from_bytes` must read from each message what rclpy reads, and rclpy must read from each message what `rows_to_bytes` was given."""
 
 from __future__ import annotations
 

@@ -134,8 +134,8 @@ class ArmNode(Node):
         check_feasible(model, self.control.limits)
         check_guard(model, self.control.limits, guard)
         sys.setswitchinterval(THREAD_SWITCH_INTERVAL)
-        self.strokes: StampedStrokes | None = None  # the newest, for the planning thread
-        self.planned: StampedStrokes | None = None  # those that it took last
+        self.strokes: StampedStrokes | None = None  # newest candidate strokes; None once the planning thread has taken them
+        self.planned: StampedStrokes | None = None  # candidate strokes that the planning thread has taken last
         self.arrival, self.ending = threading.Event(), False
         self.stream: PositionStream | None = None
         if params.commands == "trajectory":

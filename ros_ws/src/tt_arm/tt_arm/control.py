@@ -342,6 +342,7 @@ class ArmControl:
         time = max(joints.time + self.params.ahead, begin)
         start = _path_at(time, swing, coming).joints(time)
         hurried = self._hurries(rackets)
+        self._is_soonest = self._is_soonest and current is not None
         if kept and current is not None:
             selected = StrokeSelection(None, current.racket, current.reach, coming or swing, (), corrects=True)
         else:
@@ -516,7 +517,7 @@ class ArmControl:
         """Return whether these strokes are for a ball that comes less than `hurry` after the ball before it, hit or not."""
         ball = min((racket.time for racket in rackets), default=-np.inf)
         if ball > self._ball + self.params.same_ball:
-            self._before, self._ball, self._is_soonest = self._ball, ball, False
+            self._before, self._ball = self._ball, ball
         return self._ball < self._before + self.params.hurry
 
     def _give_up(self) -> None:

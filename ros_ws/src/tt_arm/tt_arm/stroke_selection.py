@@ -59,7 +59,7 @@ class SelectionParams:
 class SelectionFailure(Enum):
     """Codes of failures for candidate strokes that were not tried."""
 
-    NOT_TRIED = "{count} more candidates: not tried"
+    NOT_TRIED = "candidates {first} to {last}: not tried"
 
 
 class PlannedStroke(NamedTuple):
@@ -168,8 +168,8 @@ def select_stroke(
         if planned.swing is not None:
             return StrokeSelection(i, rackets[i], target, planned.swing, tuple(reasons), corrects=current is not None)
         reasons += [Refusal(planned.failure, i)] if planned.failure else []
-    if len(rackets) > len(tried):
-        reasons.append(Refusal(Failure(SelectionFailure.NOT_TRIED, count=len(rackets) - len(tried))))
+    if current is None and len(rackets) > len(tried):
+        reasons.append(Refusal(Failure(SelectionFailure.NOT_TRIED, first=len(tried), last=len(rackets) - 1)))
     return StrokeSelection.none(reasons)
 
 

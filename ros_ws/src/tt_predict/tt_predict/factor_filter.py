@@ -16,7 +16,7 @@ from tt_core.arrays import Array
 FIRST_PROBABILITY = 0.9  # of the first hypothesis at the start; the other hypotheses have equal parts of the rest
 LEAST_PROBABILITY = 1e-3  # of each hypothesis; from 0 it could never rise again when the balls change
 LEAST_VARIANCE = 1e-10  # smallest variance of the logarithm of a factor
-INFORMATIVE = 1e-4  # the gate checks a factor if the ball reduces its variance by more than this share of the variance between sessions
+INFORMATIVE = 1e-4  # share of a factor's variance between sessions; the gate ignores factors whose variance a ball reduces by less
 
 
 class FactorFilter:
@@ -29,7 +29,7 @@ class FactorFilter:
     """
 
     def __init__(self, session: Array, ball: Array, scales: Sequence[float], drift: float, farthest: float) -> None:
-        """Start with factors of 1. The first hypothesis is the most probable one.
+        """Create a filter that has seen no ball: the mean of each factor is 1, and the first hypothesis has FIRST_PROBABILITY.
 
         Args:
             session: (n,) standard deviations of the logarithms from session to session.

@@ -117,7 +117,7 @@ class RacketNode(Node):
             self.bad_physics(error)
 
     def on_path(self, path: BallPath) -> None:
-        """Find the strokes for a predicted path, and publish them and a status. Refuse a path for which there can be none."""
+        """Find the strokes for a predicted path, and publish them and a status. A path that raises an error is refused."""
         try:
             goal = self.ball.follow(path, self.goal_params, self.goal)
             found = intercept(path, goal, self.physics, self.params, self.relaxation, self.errors, bounced=self.ball.bounced)

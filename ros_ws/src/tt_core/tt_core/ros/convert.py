@@ -244,7 +244,7 @@ def path_from_message(message: MultiDOFJointTrajectory) -> BallPath:
 
 
 def _path(rows: TrajectoryRows) -> BallPath:
-    """Return the path with these points; raises TtError for points that are no path."""
+    """Convert the points of a trajectory to a path; raises TtError if a number is outside its bounds, or the times decrease."""
     times = _check_rows(rows, 1, MOST_PATH_POINTS) + rows.after
     positions = _bounded("position", rows.translations, (-1, 3), PLACE)
     velocities = _bounded("velocity", rows.linear, (-1, 3), LARGEST_BALL_SPEED)
@@ -362,7 +362,7 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
 
 
 def _strokes(rows: TrajectoryRows) -> StampedStrokes:
-    """Return the candidate strokes that these points are; raises TtError for points that are none."""
+    """Convert the points of a trajectory to candidate strokes; raises TtError if a number or their count is outside its bounds."""
     start = _check_rows(rows, 0, MOST_STROKES)
     if not len(rows.after):
         return StampedStrokes(start, [])

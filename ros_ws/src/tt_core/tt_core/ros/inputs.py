@@ -42,13 +42,13 @@ class MessageForm:
     read: Callable[[bytes], Any] | None = None
 
 
-STATE_FORM = MessageForm(Odometry, 4096)  # state of the ball, which has 730 bytes
-PATH_FORM = MessageForm(MultiDOFJointTrajectory, 2**19, path_from_bytes)  # path of the ball: 2000 points have 270 kB
-STROKES_FORM = MessageForm(MultiDOFJointTrajectory, 2**15, strokes_from_bytes)  # 128 strokes
-GOAL_FORM = MessageForm(MultiDOFJointTrajectory, 4096)  # goal of a return: one point has 200 bytes
-JOINTS_FORM = MessageForm(JointState, 2**16)  # joint state of 500 joints
-INFO_FORM = MessageForm(CameraInfo, 4096)  # one with 14 coefficients has 500 bytes
-PHYSICS_FORM = MessageForm(String, 2**15)  # learnt coefficients, which have 3,000 bytes
+STATE_FORM = MessageForm(Odometry, 4096)  # a message with the state of a ball has 730 bytes
+PATH_FORM = MessageForm(MultiDOFJointTrajectory, 2**19, path_from_bytes)  # a path of 2000 points has 256 kB
+STROKES_FORM = MessageForm(MultiDOFJointTrajectory, 2**15, strokes_from_bytes)  # a list of 64 strokes has 8 kB
+GOAL_FORM = MessageForm(MultiDOFJointTrajectory, 4096)  # a goal is a trajectory of one point, which has 176 bytes
+JOINTS_FORM = MessageForm(JointState, 2**16)  # a joint state of 500 joints has 20 kB
+INFO_FORM = MessageForm(CameraInfo, 4096)  # a calibration with 14 coefficients has 500 bytes
+PHYSICS_FORM = MessageForm(String, 2**15)  # the text with all learnt coefficients has 3 kB
 
 
 class Input:
