@@ -14,7 +14,7 @@ from tt_sim.pace import SLEW, Pace
 from tt_sim.sim_loop import SimLoop
 from tt_sim.sim_params import SimParams
 from tt_sim.simulated_robot import warm
-from tt_sim.world.drive import Drive
+from tt_sim.world.drive import Drive, DriveParams
 from tt_sim.world.plant import Plant
 from tt_sim.world_file import WorldParams
 from tt_vision.rig import FRAME_RATE
@@ -40,6 +40,7 @@ class Heard:
 
     def __init__(self):
         self.images, self.clock, self.balls, self.joints, self.ends, self.brakes, self.records = [], [], [], [], [], [], []
+        self.ticks = []  # s, simulated time at the end of each
 
     def publish_image(self, side, stamp, message):
         self.images.append((side, stamp, message))
@@ -55,7 +56,7 @@ class Heard:
         self.joints.append(joints)
 
     def publish_truth(self, tick):
-        pass
+        self.ticks.append(tick.joints.time)
 
     def wants_pixels(self):
         return False
@@ -73,18 +74,20 @@ class Heard:
         self.ends.append((launch.number, outcome))
 
 
-def run(store, duration, *, rate=0.0, dark=(), **params):
-    """The loop for `duration` real seconds."""
+def run(store, until, *, rate=0.0, dark=(), **params):
+    """The loop until `until(heard)` is true, at most 60 real seconds. The drives accept a command for 10 s, so that no tick counts as late."""
     heard, plant = Heard(), Plant(MODEL)
     warm(plant)  # the loop counts real seconds
-    loop = SimLoop(SimParams(**params), WorldParams(), plant, Drive(MODEL.limits), store, dark, heard)
-    loop.rate, end = rate, time.monotonic() + duration
-    loop.run(lambda: time.monotonic() < end)
+    drive = Drive(MODEL.limits, DriveParams(command_timeout=10.0))
+    loop = SimLoop(SimParams(**params), WorldParams(), plant, drive, store, dark, heard)
+    loop.rate, end = rate, time.monotonic() + 60.0
+    loop.run(lambda: not until(heard) and time.monotonic() < end)
+    assert until(heard)
     return heard
 
 
 def test_a_ready_ball_is_launched_shown_and_its_end_is_told():
-    heard = run(Store(launch(1)), 0.6, rtf=3.0)
+    heard = run(Store(launch(1)), lambda heard: heard.ends, rtf=3.0)
     (ball,) = heard.balls
     assert ball.vector == pytest.approx(BALL.vector)
     dues = [(0.01, 0), (0.01, 1), (0.02, 0), (0.02, 1)]
@@ -96,17 +99,16 @@ def test_a_ready_ball_is_launched_shown_and_its_end_is_told():
 
 
 def test_one_ball_at_a_time_on_request_and_several_at_a_rate():
-    one = run(Store(launch(1), launch(2)), 0.1)
+    one = run(Store(launch(1), launch(2)), lambda heard: len(heard.ticks) > 50)
     assert len(one.balls) == 1
-    several = run(Store(launch(1), launch(2)), 0.4, rate=94.0, rtf=3.0)
+    several = run(Store(launch(1), launch(2)), lambda heard: len(heard.balls) == 2, rate=94.0, rtf=3.0)
     assert np.diff([ball.time for ball in several.balls]) == pytest.approx([60.0 / 94.0], abs=0.004)  # s; whole ticks of 2 ms
 
 
 def test_joints_come_every_tick_and_the_clock_at_its_rate():
-    heard = run(Store(), 0.3)
+    heard = run(Store(), lambda heard: len(heard.joints) > 150 and abs(heard.joints[-1].time - time.time()) < 0.5)  # it reaches the real time
     assert np.diff([joints.time for joints in heard.joints]) == pytest.approx(0.002, abs=1e-6)  # s; a stamp of today is known to 2.4e-7
     assert np.median(np.diff(heard.clock)) == pytest.approx(0.004, abs=1e-6)
-    assert abs(heard.joints[-1].time - time.time()) < 0.5  # s; it keeps up with the real time even on a busy machine
 
 
 def test_a_paused_loop_stands_still_and_steps():
@@ -116,7 +118,7 @@ def test_a_paused_loop_stands_still_and_steps():
 
     def is_running():
         n = len(moments)
-        moments.append(heard.joints[-1].time if heard.joints else 0.0)
+        moments.append(heard.ticks[-1] if heard.ticks else 0.0)
         if n == 20:
             loop.pause(True)
         elif n == 40:
@@ -128,16 +130,15 @@ def test_a_paused_loop_stands_still_and_steps():
     loop.run(is_running)
     assert moments[40] == moments[21] > 0.0  # it stood still
     assert moments[79] - moments[40] == pytest.approx(0.02, abs=1e-6)  # one step
-    times = [joints.time for joints in heard.joints]
-    assert np.diff(times) == pytest.approx(0.002, abs=1e-6)  # s; it goes on where it stood
-    assert times[-1] > moments[79] + 0.05
+    assert np.diff(heard.ticks) == pytest.approx(0.002, abs=1e-6)  # s; it goes on where it stood
+    assert heard.ticks[-1] > moments[79] + 0.05
 
 
 def test_dark_frames_leave_only_if_asked_for():
-    heard = run(Store(), 0.2, dark=("left", "right"), always_on=True)
+    heard = run(Store(), lambda heard: len(heard.images) > 100, dark=("left", "right"), always_on=True)
     assert [message for _, _, message in heard.images[:4]] == ["left", "right"] * 2
     assert np.diff([stamp for side, stamp, _ in heard.images if side == 0]) == pytest.approx(1 / FRAME_RATE, abs=1e-6)
-    assert run(Store(), 0.1, dark=("left", "right")).images == []
+    assert run(Store(), lambda heard: len(heard.ticks) > 50, dark=("left", "right")).images == []
 
 
 def test_frames_of_a_ball_come_in_place_of_dark_ones():
@@ -154,7 +155,7 @@ def test_frames_of_a_ball_come_in_place_of_dark_ones():
 def test_a_pace_runs_as_fast_as_asked():
     pace = Pace(2.0)
     now = time.monotonic()
-    assert pace.late(pace.start, now) == pytest.approx(0.0, abs=0.1)  # s, since it was made
+    assert pace.late(pace.start, now) >= 0.0  # s, since it was made
     assert pace.late(pace.start + 1.0, now) == pytest.approx(pace.late(pace.start, now) - 0.5)
     pace.sleep_until(pace.start + 0.1)
     assert pace.late(pace.start + 0.1, time.monotonic()) >= 0.0
