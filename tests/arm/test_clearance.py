@@ -9,7 +9,16 @@ from tt_arm.arm_urdf.geometry import BLADE_ALLOWANCE
 from tt_arm.joints import Joints
 from tt_arm.model import ArmModel
 from tt_arm.reach import reach
-from tt_arm.safety.clearance import OBSTACLES, braking_clearance, clearance, clearances, from_segment, from_table
+from tt_arm.safety.clearance import (
+    HELD_CLEARANCE,
+    OBSTACLES,
+    braking_clearance,
+    clearance,
+    clearances,
+    from_segment,
+    from_table,
+    path_clearance,
+)
 from tt_arm.swing import SwingFailure, plan
 from tt_core.constants import FLOOR_Z, RACKET_RADIUS, TABLE_THICKNESS, TABLE_WIDTH
 from tt_core.states import RacketState
@@ -80,6 +89,23 @@ def test_braking_ends_where_constant_deceleration_does(q, share):
     speeds = share * MODEL.speed_limits
     end = q + 0.5 * speeds * np.abs(speeds) / 20.0
     assert braking_clearance(q, speeds, np.full(7, 20.0), 0.0, MODEL.bodies)[0] <= clearance(end, MODEL.bodies)[0] + 1e-9
+
+
+def test_a_path_is_clear_if_all_postures_are_from_which_and_to_which_the_arm_brakes():
+    """A path of one moment; the postures that `path_clearance` leaves out are checked here, too."""
+    rng, braking, hold, enough, refused = np.random.default_rng(0), np.full(7, 20.0), 0.14, 0.03, 0
+    for _ in range(2000):
+        q, speeds = rng.uniform(*MODEL.position_limits.T), rng.uniform(-1.0, 1.0, 7) * MODEL.speed_limits
+        knots, coefficients = np.zeros((7, 1)), np.zeros((7, 1, 6))
+        coefficients[:, 0, :2] = np.column_stack((q, speeds))
+        held = braking_clearance(q, speeds, braking, hold, MODEL.bodies)[0] + enough - HELD_CLEARANCE
+        least = min(clearance(q, MODEL.bodies)[0], braking_clearance(q, speeds, braking, 0.0, MODEL.bodies)[0], held)
+        found, _ = path_clearance(0.0, 0.01, braking, hold, enough, knots, coefficients, MODEL.bodies)
+        assert (found < enough) == (least < enough)
+        if found < enough <= clearance(q, MODEL.bodies)[0]:
+            refused += 1
+            assert found == pytest.approx(least, abs=1e-9)
+    assert 100 < refused < 1000  # because of braking
 
 
 def test_a_strike_in_the_table_is_refused():

@@ -1,7 +1,5 @@
 """The racket is where it was asked, within all limits, or the reason is told."""
 
-import time
-
 import numpy as np
 import pytest
 from arm.dissertation_strokes import NAMES, printed
@@ -118,15 +116,6 @@ def test_an_adjusted_answer_is_near_the_first(racket):
     # 9 mm and 0.014 rad at a lever of a quarter of a metre, and 2 % of the speed: well below these
     assert np.abs(second.q - first.q).max() < 0.08
     assert np.abs(second.qdot - first.qdot).max() < 0.3
-
-
-def test_the_whole_search_is_quick():
-    racket = printed(1.0)[0]
-    reach(MODEL, racket, MODEL.waiting)
-    start = time.perf_counter()
-    for _ in range(20):
-        reach(MODEL, racket, MODEL.waiting)
-    assert (time.perf_counter() - start) / 20 < 0.010  # s; 0.0019 on the day, busy machines take their time
 
 
 def test_bad_values_name_themselves():

@@ -75,7 +75,10 @@ class Heard:
 
 
 def run(store, until, *, rate=0.0, dark=(), **params):
-    """The loop until `until(heard)` is true, at most 60 real seconds. The drives accept a command for 10 s, so that no tick counts as late."""
+    """The loop until `until(heard)` is true, at most 60 real seconds.
+
+    The drives accept a command for 10 s, so that no tick counts as late: a late one has no joint state.
+    """
     heard, plant = Heard(), Plant(MODEL)
     warm(plant)  # the loop counts real seconds
     drive = Drive(MODEL.limits, DriveParams(command_timeout=10.0))
@@ -106,7 +109,10 @@ def test_one_ball_at_a_time_on_request_and_several_at_a_rate():
 
 
 def test_joints_come_every_tick_and_the_clock_at_its_rate():
-    heard = run(Store(), lambda heard: len(heard.joints) > 150 and abs(heard.joints[-1].time - time.time()) < 0.5)  # it reaches the real time
+    def is_real_time(heard):
+        return len(heard.joints) > 150 and abs(heard.joints[-1].time - time.time()) < 0.5  # s
+
+    heard = run(Store(), is_real_time)
     assert np.diff([joints.time for joints in heard.joints]) == pytest.approx(0.002, abs=1e-6)  # s; a stamp of today is known to 2.4e-7
     assert np.median(np.diff(heard.clock)) == pytest.approx(0.004, abs=1e-6)
 

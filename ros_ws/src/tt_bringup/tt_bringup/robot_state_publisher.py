@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 import rclpy
@@ -43,7 +42,7 @@ def main() -> int:
         print(f"{PACKAGE} is not installed: nobody publishes /tf", flush=True)
         return 0
     description = wait_for_description()
-    with tempfile.NamedTemporaryFile("w", prefix="robot_description_", suffix=".yaml", delete=False) as file:
-        json.dump({"/**": {"ros__parameters": {"robot_description": description}}}, file)  # JSON is YAML
+    file = os.memfd_create("robot_description", 0)  # a file in memory, which the program inherits and which ends with it
+    os.write(file, json.dumps({"/**": {"ros__parameters": {"robot_description": description}}}).encode())  # JSON is YAML
     arguments = sys.argv[1:] if "--ros-args" in sys.argv else [*sys.argv[1:], "--ros-args"]
-    os.execv(program, [str(program), *arguments, "--params-file", file.name])
+    os.execv(program, [str(program), *arguments, "--params-file", f"/proc/self/fd/{file}"])

@@ -220,8 +220,11 @@ def bodies_from_each_other(starts: Array, ends: Array, radii: Array, reaches: Ar
 
 
 @njit(cache=True, inline="always")
-def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, float]:
-    """Return the result of `clearances`, with given scratch memory."""
+def _clearances(q: Array, bodies: Bodies, at: Places, most: float) -> tuple[float, float, float]:
+    """Return the result of `clearances`, with `most` (m) in place of larger distances, which need not be computed then.
+
+    `at` is scratch memory.
+    """
     starts, ends, face, rotation, rim = at
     radii, reaches, owners, pairs, around = bodies.radii, bodies.reaches, bodies.owners, bodies.pairs, bodies.rim
     place_bodies(q, bodies, starts, ends, face, rotation)
@@ -229,14 +232,14 @@ def _clearances(q: Array, bodies: Bodies, at: Places) -> tuple[float, float, flo
     while first < len(owners) and owners[first] < 0:  # these stand still
         first += 1
     table = from_table(face[0], face[1], face[2]) - around
-    if table < RIM_DISTANCE:
+    if table < min(most, RIM_DISTANCE):
         _fill_rim(face, rotation, around, rim)
         table, filled = math.inf, True
         for k in range(RIM_POINTS):
             table = min(table, from_table(rim[k, 0], rim[k, 1], rim[k, 2]))
-    table = bodies_from_table(starts, ends, radii, reaches, first, table)
-    floor = bodies_from_floor(starts, ends, radii, first, face[2] - FLOOR_Z - around)
-    itself = math.inf
+    table = bodies_from_table(starts, ends, radii, reaches, first, min(most, table))
+    floor = bodies_from_floor(starts, ends, radii, first, min(most, face[2] - FLOOR_Z - around))
+    itself = most
     for p in range(len(pairs)):
         m = pairs[p, 0]
         if pairs[p, 1] < 0:
@@ -263,13 +266,13 @@ def clearances(q: Array, bodies: Bodies) -> tuple[float, float, float]:
         Three distances in m. A value that is not positive means contact. Values above RIM_DISTANCE may be smaller than the true distance,
         by at most twice the racket's radius.
     """
-    return _clearances(q, bodies, places(len(bodies.owners)))
+    return _clearances(q, bodies, places(len(bodies.owners)), math.inf)
 
 
 @njit(cache=True, inline="always")
-def _clearance(q: Array, bodies: Bodies, at: Places) -> tuple[float, int]:
-    """Return the result of `clearance`, with given scratch memory."""
-    table, floor, itself = _clearances(q, bodies, at)
+def _clearance(q: Array, bodies: Bodies, at: Places, most: float) -> tuple[float, int]:
+    """Return the result of `clearance`, or `most` (m) and any obstacle if no distance is below `most`. `at` is scratch memory."""
+    table, floor, itself = _clearances(q, bodies, at, most)
     if table <= floor and table <= itself:
         return table, 0
     return (floor, 1) if floor <= itself else (itself, 2)
@@ -283,27 +286,37 @@ def clearance(q: Array, bodies: Bodies) -> tuple[float, int]:
         q: (n,) rad or m, joint positions.
         bodies: Capsules and racket of the arm.
     """
-    return _clearance(q, bodies, places(len(bodies.owners)))
+    return _clearance(q, bodies, places(len(bodies.owners)), math.inf)
 
 
 @njit(cache=True)
-def _braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies: Bodies, at: Places) -> tuple[float, int]:
-    """Return the result of `braking_clearance`, with given scratch memory."""
+def _braking_clearance(
+    q: Array, qdot: Array, braking: Array, hold: float, bodies: Bodies, at: Places, here: float, most: float
+) -> tuple[float, int]:
+    """Return the result of `braking_clearance`, or `most` (m) and any obstacle if no distance is below `most`.
+
+    `here` (m) is the clearance at `q`. Postures that are so near to `q` that the clearance there cannot be below `most` are not checked.
+    `at` is scratch memory.
+    """
     n = len(q)
-    longest, posture, least, what = 0.0, np.empty(n), np.inf, 0
+    longest, posture, least, what = 0.0, np.empty(n), most, 0
     for i in range(n):
         longest = max(longest, abs(qdot[i]) / braking[i])
     held = HOLDING if hold > 0.0 else 0
     for k in range(1, held + BRAKING + 1):
+        moves = 0.0  # m, of any point at most
         for i in range(n):
             if k <= held:
-                posture[i] = q[i] + hold * k / held * qdot[i]
+                way = hold * k / held * qdot[i]
             else:
                 t = min(longest * (k - held) / BRAKING, abs(qdot[i]) / braking[i])
-                posture[i] = q[i] + hold * qdot[i] + t * (qdot[i] - 0.5 * t * math.copysign(braking[i], qdot[i]))
-        left, near = _clearance(posture, bodies, at)
-        if left < least:
-            least, what = left, near
+                way = hold * qdot[i] + t * (qdot[i] - 0.5 * t * math.copysign(braking[i], qdot[i]))
+            posture[i] = q[i] + way
+            moves += bodies.levers[i] * abs(way)
+        if here - moves < least:
+            left, near = _clearance(posture, bodies, at, least)
+            if left < least:
+                least, what = left, near
     return least, what
 
 
@@ -323,7 +336,7 @@ def braking_clearance(q: Array, qdot: Array, braking: Array, hold: float, bodies
     Returns:
         The distance in m, and the index of the nearest obstacle in OBSTACLES.
     """
-    return _braking_clearance(q, qdot, braking, hold, bodies, places(len(bodies.owners)))
+    return _braking_clearance(q, qdot, braking, hold, bodies, places(len(bodies.owners)), -math.inf, math.inf)
 
 
 @njit(cache=True, nogil=True)
@@ -346,9 +359,9 @@ def path_clearance(
         bodies: Capsules and racket of the arm.
 
     Returns:
-        The distance in m, and the index of the nearest obstacle in OBSTACLES. Distances after a held command are increased by `enough` -
-        HELD_CLEARANCE, so that they need only be HELD_CLEARANCE. The distance is -inf for a path that is too long to be checked, or is not
-        finite.
+        The distance in m, and the index of the nearest obstacle in OBSTACLES. Distances while braking are part of it only if they are less
+        than `enough`. Distances after a held command are increased by `enough` - HELD_CLEARANCE, so that they need only be HELD_CLEARANCE.
+        The distance is -inf for a path that is too long to be checked, or is not finite.
     """
     n, lever, least, what = len(braking), bodies.levers, np.inf, 0
     q, qdot, qddot, at = np.empty(n), np.empty(n), np.empty(n), places(len(bodies.owners))
@@ -359,22 +372,25 @@ def path_clearance(
     for check in range(MOST_CHECKS):
         last = time >= end
         evaluate_path(min(end, time), knots, coefficients, q, qdot, qddot)
-        left, near = _clearance(q, bodies, at)
-        if math.isnan(left):
+        here, near = _clearance(q, bodies, at, math.inf)
+        if math.isnan(here):
             return -np.inf, near
         moves, speed = 0.0, 0.0  # m, by which braking moves any point at most; m/s, of any point at most
         for i in range(n):
             moves += lever[i] * (abs(qdot[i]) * hold + qdot[i] ** 2 / (2.0 * braking[i]))
             speed += lever[i] * abs(qdot[i])
-        room = left - moves - enough  # falls by 2 speed at most: half of it for the way, half for braking
+        room = here - moves - enough  # falls by 2 speed at most: half of it for the way, half for braking
+        left = here
         if room < 0.0 and moves > 0.0:
-            braked, obstacle = _braking_clearance(q, qdot, braking, 0.0, bodies, at)
-            if braked < left:
+            most = min(left, enough)
+            braked, obstacle = _braking_clearance(q, qdot, braking, 0.0, bodies, at, here, most)
+            if braked < most:
                 left, near = braked, obstacle
             if hold > 0.0 and check % EVERY == 0:  # only a touch counts: a command is held only if the process fails
-                braked, obstacle = _braking_clearance(q, qdot, braking, hold, bodies, at)
-                if braked - HELD_CLEARANCE + enough < left:
-                    left, near = braked - HELD_CLEARANCE + enough, obstacle
+                most, excess = min(left, enough), enough - HELD_CLEARANCE
+                braked, obstacle = _braking_clearance(q, qdot, braking, hold, bodies, at, here, most - excess)
+                if braked + excess < most:
+                    left, near = braked + excess, obstacle
         if left < least:
             least, what = left, near
             if least < enough:
