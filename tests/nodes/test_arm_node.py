@@ -334,10 +334,11 @@ def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
     from tt_core.ros.convert import seconds, strokes_to_message
     from tt_core.ros.qos import LATEST
 
-    bench, lasts = Bench(probe), []
+    bench, lasts, heard = Bench(probe), [], []
 
     def on_trajectory(message):
         first, last = message.points
+        heard.append(time.time())
         bench.commands += 1
         bench.command = (np.array(first.positions) - bench.joints.q) / seconds(first.time_from_start)
         lasts.append(last.velocities)
@@ -353,19 +354,27 @@ def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
     bench.run(0.2)
 
     def off():
-        """Let the arm make a stroke; return how far (m, on any axis) the racket was off the asked place at the strike."""
+        """Let the arm make a stroke.
+
+        Returns:
+            How far (m, on any axis) the racket was off the asked place at the strike, and for how long (s) at most, shortly before, there
+            was no tick of this process, the plant, or no command.
+        """
         now = time.time()
         racket = RacketState(now + LEAD, np.array([-0.15, 0.70, 0.25]), np.array([0.65, 0.064, 1.72]), -0.012, 1.66)  # Table 4.3 case 2
         bench.strokes.publish(strokes_to_message([racket], now))
-        there = bench.run(LEAD + 2.0, racket.time)
-        bench.comes_home()
-        return np.abs(there.position - racket.position).max()
-
-    # The plant reaches a point 20 ms late, at 1.8 m/s. A stroke during which this process, the plant, stood still for longer is repeated.
-    for _ in range(5):
+        bench.run(LEAD - 0.15)
         bench.longest_tick = 0.0
-        distance = off()
-        if bench.longest_tick < 0.02:
+        there = bench.run(0.2, racket.time)
+        begin, end = racket.time - 0.15, racket.time
+        gap = max(bench.longest_tick, *np.diff([begin, *(moment for moment in heard if begin < moment < end), end]))
+        bench.comes_home()
+        return np.abs(there.position - racket.position).max(), gap
+
+    # The plant reaches a point 20 ms late, at 1.8 m/s. A stroke that was disturbed for longer, on a busy machine, is repeated.
+    for _ in range(10):
+        distance, gap = off()
+        if gap < 0.02:
             break
     assert distance < 0.03
     assert not np.any(lasts) and probe.count_publishers("/arm_velocity_controller/commands") == 0
