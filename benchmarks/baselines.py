@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 from report import arguments, report
@@ -13,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from tt_eval.evaluate import RETURNS, percentiles, returns
 from tt_eval.miss import Miss
+from tt_eval.process_pool import process_pool
 from tt_eval.scenario import load
 from tt_eval.sweep import simulate_balls
 from tt_eval.sweep_metrics import NUMBERS
@@ -35,7 +33,7 @@ def main() -> None:
     args = arguments("baselines", 1000)
     table, metrics = Table("robot", *RETURNS), dict[str, float]()
     chunks = [(first, min(first + CHUNK, args.runs)) for first in range(0, args.runs, CHUNK)]
-    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+    with process_pool() as pool:
         for world, robot, name in ROWS:
             scenario = load("liu", robot=robot, world=world, images=False)
             rows = [row for t in pool.map(functools.partial(simulate_balls, scenario), *zip(*chunks, strict=True)) for row in t.to_pylist()]

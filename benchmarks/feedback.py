@@ -16,10 +16,8 @@ import argparse
 import json
 import math
 import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from hashlib import sha256
-from multiprocessing import get_context
 from pathlib import Path
 
 import latency
@@ -32,6 +30,7 @@ from tt_core.flight import fly
 from tt_core.revision import revision
 from tt_eval.episode import landing_error, session
 from tt_eval.oracle import reachable
+from tt_eval.process_pool import process_pool
 from tt_eval.scenario import Scenario, load
 from tt_sim.world.arm_record import ArmRecord
 from tt_sim.world.outcome import Result
@@ -183,7 +182,7 @@ def main():
     latency.check_frozen()
     args.cache.mkdir(parents=True, exist_ok=True)
     metrics = {}
-    with ProcessPoolExecutor(args.workers, get_context("spawn")) as executor:
+    with process_pool(args.workers) as executor:
         running = {}
         for name, (_, share) in scenarios().items():
             if args.only and name not in args.only:

@@ -7,10 +7,7 @@ one process, whose memory is watched.
 from __future__ import annotations
 
 import functools
-import os
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 import psutil
@@ -20,6 +17,7 @@ from rich.progress import track
 from tt_eval.episode import play
 from tt_eval.evaluate import percentiles, why
 from tt_eval.miss import Miss
+from tt_eval.process_pool import process_pool
 from tt_eval.scenario import Scenario, load
 from tt_eval.sweep_metrics import sweep_metrics
 
@@ -60,7 +58,7 @@ def main() -> None:
     args = arguments("rally", 1000)
     metrics, console = dict[str, float](), Console()
     for name in SCENARIOS:
-        with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+        with process_pool() as pool:
             played = pool.map(functools.partial(one, load(name)), range(args.runs), chunksize=8)
             rows = list(track(played, total=args.runs, description=name))
         metrics |= {f"{name}_{key}": value for key, value in rates(rows).items()}

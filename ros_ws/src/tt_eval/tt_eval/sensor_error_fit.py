@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import functools
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +18,7 @@ from tt_sim.world.launcher import SCALES
 from tt_vision.rig import VIEW_CENTRE
 
 from .episode import Trial
+from .process_pool import process_pool
 from .progress import tracked
 from .scenario import HOME, Scenario, load
 from .sensor_error_model import SensorErrorModel, last_frame
@@ -92,7 +92,7 @@ def fit_sensor_errors(scenario: Scenario, balls: int) -> SensorErrorModel:
     Raises:
         TtError: Fewer than LEAST_FITTED_BALLS are measured.
     """
-    with ProcessPoolExecutor() as pool:
+    with process_pool() as pool:
         seen = pool.map(functools.partial(errors_seen, scenario), range(balls), chunksize=4)
         done = list(tracked("balls", balls, seen))
     found = [error for _, error in done if error is not None]

@@ -13,9 +13,8 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import ExitStack
-from multiprocessing import get_context
 from pathlib import Path
 
 import pyarrow as pa
@@ -23,6 +22,7 @@ import pyarrow.parquet as pq
 from tt_core.errors import TtError
 
 from .episode import Trial, play, session
+from .process_pool import process_pool
 from .progress import progress
 from .scenario import Scenario, load
 from .sweep_metrics import NUMBERS, TEXTS, sweep_metrics
@@ -155,7 +155,7 @@ def sweep(scenario: Scenario, balls: int, out: Path, scheduler: str | None = Non
 def _executor(stack: ExitStack, scheduler: str | None, workers: int | None) -> tuple[Executor, int]:
     if scheduler is None:
         workers = workers or os.cpu_count() or 1
-        return stack.enter_context(ProcessPoolExecutor(workers, get_context("spawn"))), workers
+        return stack.enter_context(process_pool(workers)), workers
     from distributed import Client
 
     try:

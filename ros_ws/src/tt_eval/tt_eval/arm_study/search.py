@@ -9,9 +9,8 @@ import json
 import os
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tt_core.errors import TtError
 from tt_core.robots import ArmFile
 
+from ..process_pool import process_pool
 from .placement import Placement, changed, draw_placement
 from .quick_score import QuickScore, quick_score
 
@@ -144,7 +144,7 @@ def search_placements(
     workers = workers or os.cpu_count() or 1
     with (
         Progress(*columns, disable=not sys.stderr.isatty()) as bar,
-        ProcessPoolExecutor(workers, get_context("spawn")) as pool,
+        process_pool(workers) as pool,
         file.open("a") as record,
     ):
         row = bar.add_task("placements", total=task.count, completed=len(done))
