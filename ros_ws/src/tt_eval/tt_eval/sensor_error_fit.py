@@ -115,6 +115,7 @@ def main() -> None:
         parser.error(f"--balls {args.balls} is less than {LEAST_FITTED_BALLS}")
     try:
         scenarios = [load(name) for name in args.scenarios or SCENARIOS]
+        args.out.mkdir(parents=True, exist_ok=True)
         for name, scenario in zip(args.scenarios or SCENARIOS, scenarios, strict=True):
             file = args.out / f"{scenario.world.sensor_error_model}.yaml"
             fit_sensor_errors(scenario, args.balls).save(
