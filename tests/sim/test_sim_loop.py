@@ -85,7 +85,7 @@ def run(store, until, *, rate=0.0, dark=(), **params):
     loop = SimLoop(SimParams(**params), WorldParams(), plant, drive, store, dark, heard)
     loop.rate, end = rate, time.monotonic() + 60.0
     loop.run(lambda: not until(heard) and time.monotonic() < end)
-    assert until(heard)
+    assert time.monotonic() < end, "not within 60 s"
     return heard
 
 
