@@ -1,4 +1,4 @@
-"""`rows_from_bytes` must read from each message what rclpy reads, and rclpy must read from each message what `rows_to_bytes` was given."""
+"""`rows_from_bytes` reads each message as rclpy does, and rclpy reads what `rows_to_bytes` has written."""
 
 from __future__ import annotations
 

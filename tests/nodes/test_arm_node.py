@@ -371,7 +371,8 @@ def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
         bench.comes_home()
         return np.abs(there.position - racket.position).max(), gap
 
-    # The plant reaches a point 20 ms late, at 1.8 m/s. A stroke that was disturbed for longer, on a busy machine, is repeated.
+    # The simulated arm is at each point 20 ms late, and the racket moves at 1.8 m/s. If nothing was heard or simulated for longer,
+    # because the machine is busy, the stroke is repeated.
     for _ in range(10):
         distance, gap = off()
         if gap < 0.02:

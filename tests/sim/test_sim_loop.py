@@ -40,7 +40,7 @@ class Heard:
 
     def __init__(self):
         self.images, self.clock, self.balls, self.joints, self.ends, self.brakes, self.records = [], [], [], [], [], [], []
-        self.ticks = []  # s, simulated time at the end of each
+        self.ticks = []  # s, simulated time at the end of each tick
 
     def publish_image(self, side, stamp, message):
         self.images.append((side, stamp, message))

@@ -14,7 +14,7 @@ def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
     Args:
         workers: Number of processes; None: one for each core.
     """
-    return ProcessPoolExecutor(workers or os.cpu_count() or 1, get_context("spawn"), initializer=_watch_parent)
+    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_watch_parent)
 
 
 def _watch_parent() -> None:
@@ -23,6 +23,7 @@ def _watch_parent() -> None:
 
 
 def _end_with_parent() -> None:
+    """Wait until the parent has ended, however it ended, then end this process at once."""
     parent = parent_process()
     if parent is not None:
         parent.join()

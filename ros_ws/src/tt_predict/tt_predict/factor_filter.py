@@ -16,7 +16,7 @@ from tt_core.arrays import Array
 FIRST_PROBABILITY = 0.9  # of the first hypothesis at the start; the other hypotheses have equal parts of the rest
 LEAST_PROBABILITY = 1e-3  # of each hypothesis; from 0 it could never rise again when the balls change
 LEAST_VARIANCE = 1e-10  # smallest variance of the logarithm of a factor
-INFORMATIVE = 1e-4  # share of a factor's variance between sessions; the gate ignores factors whose variance a ball reduces by less
+INFORMATIVE = 1e-4  # the gate ignores a factor if a ball reduces its variance by less than this share of its variance between sessions
 
 
 class FactorFilter:

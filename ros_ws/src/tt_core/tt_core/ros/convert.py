@@ -362,7 +362,7 @@ def strokes_from_message(message: MultiDOFJointTrajectory) -> list[RacketState]:
 
 
 def _strokes(rows: TrajectoryRows) -> StampedStrokes:
-    """Convert the points of a trajectory to candidate strokes; raises TtError if a number or their count is outside its bounds."""
+    """Convert the points of a trajectory to candidate strokes; raises TtError for a number or a count outside its bounds."""
     start = _check_rows(rows, 0, MOST_STROKES)
     if not len(rows.after):
         return StampedStrokes(start, [])

@@ -42,6 +42,7 @@ class MessageForm:
     read: Callable[[bytes], Any] | None = None
 
 
+# The numbers are the largest sizes that are read, in bytes. The comments tell, for comparison, how large messages are.
 STATE_FORM = MessageForm(Odometry, 4096)  # a message with the state of a ball has 730 bytes
 PATH_FORM = MessageForm(MultiDOFJointTrajectory, 2**19, path_from_bytes)  # a path of 2000 points has 256 kB
 STROKES_FORM = MessageForm(MultiDOFJointTrajectory, 2**15, strokes_from_bytes)  # a list of 64 strokes has 8 kB
