@@ -12,7 +12,7 @@ from tt_core.ros.diagnostics import Event, read_status
 from tt_tools.reindex import reindex
 
 BALLS = 5
-RATE = "rate:=45.0"  # balls a minute
+ARGUMENTS = ("rate:=45.0", "markers:=false")  # balls a minute; nobody looks at markers
 START = 100.0  # s until the first ball is hit; 20 to 35 s on two shared cores
 NEXT = 30.0  # s, room for 22 balls
 RESULTS = {Event.PATH: "/ball/path", Event.STROKES: "/racket/strokes"}  # topics by the events that tell of them
@@ -35,7 +35,7 @@ def alone(machines, tmp_path_factory):
     """(hits of BALLS balls on one machine, latencies in ms)."""
     one, _, domain = machines
     folder = tmp_path_factory.mktemp("one")
-    with one_host(one, folder, domain, folder / "bag", RATE) as session:
+    with one_host(one, folder, domain, folder / "bag", *ARGUMENTS) as session:
         begun = first_hit(session)
         session.wait(lambda: bool(series(session, begun)), NEXT, f"{BALLS} balls")
         return series(session, begun)[0], session.latencies(begun)
@@ -46,7 +46,7 @@ def pair(alone, machines, tmp_path_factory):
     """(session on two hosts, its bag, the cuts so far: time out, time in again)."""
     one, other, domain = machines
     folder = tmp_path_factory.mktemp("two")
-    with two_hosts(one, other, folder, domain, folder / "bag", RATE) as session:
+    with two_hosts(one, other, folder, domain, folder / "bag", *ARGUMENTS) as session:
         yield session, folder / "bag", []
 
 

@@ -18,7 +18,7 @@ def robots(ros, tmp_path):
     """Both whole robots, each started by the launch file with its namespace."""
     launch = [sys.executable, "-m", "tt_tools.ros2", "launch", "tt_bringup", "sim.launch.yaml"]
     # at a fifth of real time two robots keep their deadlines on two cores
-    arguments = ("use_sim_time:=true", "rtf:=0.2")
+    arguments = ("use_sim_time:=true", "rtf:=0.2", "markers:=false")
     logs = [(tmp_path / f"{name}.txt").open("w") for name in ROBOTS]
     running = [
         subprocess.Popen([*launch, f"namespace:={name}", *arguments], stdout=log, stderr=subprocess.STDOUT)
