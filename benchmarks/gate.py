@@ -32,7 +32,6 @@ ROOM = 12  # pixels around the ball in a region that is cut out
 FULL = 180.0  # grey levels that the renderer's lamps give
 SLOW = BurstConditions(frames=12, frame_rate=380.0)
 TURNS = (100.0, 150.0)  # 1/s
-SEED = 0
 
 
 def directions() -> np.ndarray:
@@ -159,7 +158,8 @@ def cut_out(burst: Burst) -> Burst:
 
 
 def main() -> None:
-    args, rng = arguments("gate", 2000), np.random.default_rng(SEED)
+    args = arguments("gate", 2000, seed=0)
+    rng = np.random.default_rng(args.seed)
     counts = Counter[tuple[str, str]]()
     for _ in range(args.runs):
         conditions = Conditions.draw(rng)

@@ -12,11 +12,13 @@ from rich.console import Console
 from rich.table import Table
 
 
-def arguments(name: str, runs: int) -> argparse.Namespace:
-    """--json FILE and --runs N; a benchmark reads both from the result."""
+def arguments(name: str, runs: int, seed: int | None = None) -> argparse.Namespace:
+    """--json FILE, --runs N and, with a default, --seed N; a benchmark reads them from the result."""
     parser = argparse.ArgumentParser(prog=f"scripts/bench {name}")
     parser.add_argument("--json", type=Path, help="write the metrics here")
     parser.add_argument("--runs", type=int, default=runs, help=f"trials (default {runs})")
+    if seed is not None:
+        parser.add_argument("--seed", type=int, default=seed, help=f"of all that is drawn (default {seed})")
     return parser.parse_args()
 
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
 from tt_core.errors import BadShape, TtError
 from tt_vision.detection.ball_detection import FAR_REACH, NEAR_REACH, DetectionReason, NoWholeBall, ball_centre, find_ball, fit_outline
+from tt_vision.detection.outline import BLUR, MOST_SHARP_BLUR, edge_blur
 from tt_vision.spin.dissertation import centre_by_four_points, four_points
 
 
@@ -31,6 +33,25 @@ def test_the_centre_of_a_disc_is_found(u, v, radius):
     assert np.hypot(*(ball_centre(image) - [u, v])) < 0.04
     # the four-point method sees whole pixels along each side
     assert np.hypot(*(centre_by_four_points(image, ball) - [u, v])) < 1.5
+
+
+@pytest.mark.parametrize("radius", [20.0, 37.0, 75.0])
+@pytest.mark.parametrize("blur", [0.0, 0.6, 1.0, 2.0, 2.5, 3.0])
+def test_the_blur_of_the_outline_is_told(blur, radius):
+    """Of a sharp image as BLUR. OWN_BLUR is that of a ball that moves; a disc at rest has less of it, so its blur is told 0.3 too small."""
+    image = gaussian_filter(disc(116.0, 116.0, radius).astype(float), blur)
+    image = np.round(image + 2.0 * np.random.default_rng(0).standard_normal(image.shape)).clip(0.0, 255.0).astype(np.uint8)
+    told = edge_blur(image, fit_outline(image, np.array([117.0, 115.0, radius]), 192.0, True))
+    if blur < MOST_SHARP_BLUR:
+        assert told == BLUR
+    else:
+        assert told == pytest.approx(blur, abs=0.4)
+
+
+def test_an_outline_that_is_not_there_has_the_blur_of_a_sharp_image():
+    image = np.full((64, 64), 20, dtype=np.uint8)
+    none = fit_outline(image, np.array([32.0, 32.0, 15.0]), 192.0, True)
+    assert len(none) == 0 and edge_blur(image, none) == BLUR
 
 
 @given(inside_view, inside_view)

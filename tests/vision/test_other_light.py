@@ -106,13 +106,15 @@ def test_blurred_and_dim_balls_are_believed(seed):
 
 
 @pytest.mark.parametrize("seed", [2, 9])
-def test_an_edge_that_is_too_blurred_to_be_found_again_is_taken_as_it_was_found(seed):
-    """Two pixels of blur: the second look leaves the motion as it is where it finds too few outline points, as with seed 9."""
-    frames, times, ball, easel = paint(seed, random_easel(np.random.default_rng(seed), blur=2.0))
+@pytest.mark.parametrize("blur", [1.5, 2.5])
+def test_a_blurred_ball_is_measured_too(seed, blur):
+    """Bounds: the worst of 24 scenes with 2.5 pixels of blur. Before outlines were scanned by their blur it was 4.6 mm and 0.38 m/s."""
+    frames, times, ball, easel = paint(seed, random_easel(np.random.default_rng(seed), blur=blur))
     result = measure(*frames, times, easel.cameras)
     assert result.reason is None
-    assert np.linalg.norm(result.ball.position - ball.position) < 1.5e-3  # m; 0.7 and 0.6 mm
-    assert np.linalg.norm(result.ball.spin - ball.spin) / RPM < 300.0  # rpm; 11 and 156
+    assert np.linalg.norm(result.ball.position - ball.position) < 0.9e-3
+    assert np.linalg.norm(result.ball.velocity - ball.velocity) < 0.09
+    assert np.linalg.norm(result.ball.spin - ball.spin) / RPM < 165.0
 
 
 def test_frames_out_of_order_are_refused():

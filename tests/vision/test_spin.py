@@ -19,7 +19,8 @@ from tt_vision.measure import measure
 from tt_vision.rig import VIEW_CENTRE
 from tt_vision.spin import SearchParams, SpinReason, estimate_spin
 from tt_vision.spin.comparison import compare_all
-from tt_vision.spin.registration import GATE
+from tt_vision.spin.estimate import SpinEstimate
+from tt_vision.spin.registration import GATE, MOST_DISPARITY, with_near_rivals
 from tt_vision.spin.surface_map import cut_surface
 from tt_vision.spin.wide_search import aliases
 
@@ -52,6 +53,20 @@ def test_the_spin_is_found(film, speed, axis):
     shot = film(round(speed) + len(str(axis)), spin=speed * np.array(axis) / np.linalg.norm(axis))
     # rpm, what is promised at 95 %; of 300 bursts the worst was 22
     assert miss(shot) < 30.0
+
+
+def test_cameras_that_tell_different_spins_are_not_believed(film, scene):
+    """One logo, so that near rivals are searched. The right camera is taken to be turned by 10 deg, and with it the spin that it sees."""
+    shot = film(3, spin=(0.0, 0.0, 6000.0), scene=scene(texture=Texture.drawn(2, blobs=3, coverage=0.08)))
+    first = estimator_of(shot.burst).estimate(shot.burst)
+    surface, frames = cut_surface(shot.burst, first.motion, first.light).lit_by(first.light), len(shot.times)
+    whole = with_near_rivals(surface, first.found)
+    assert 0.0 < whole.disparity < 0.5 * MOST_DISPARITY and whole.is_consistent
+    surface.images.views["rotation"][frames:] = surface.images.views["rotation"][frames:] @ rotation_matrix(np.array([0.17, 0.0, 0.0]))
+    apart = with_near_rivals(surface, first.found)
+    assert not apart.is_consistent and not apart.is_believed
+    only = dataclasses.replace(whole, disparity=apart.disparity, alternatives=np.empty((0, 3)), distinctness=np.inf)
+    assert SpinEstimate.not_believed(only).reason.code is SpinReason.INCONSISTENT
 
 
 def test_the_covariance_covers_the_error(rendered):

@@ -25,6 +25,7 @@ from .camera import Camera
 from .capture.burst import BallDetection, Burst
 from .detection.ball_detection import fit_outline
 from .detection.illumination import GLOSS, CalibratedLamps, Illumination, fit_illumination, image_gain, lamp_illumination
+from .detection.outline import BLUR, edge_blur
 from .motion_fit import VAGUE_OUTLINE, BallMotion, fit_motion, fit_motion_to_outlines
 from .projection import ray, unpack_camera
 from .spin.coarse_search import DENSE_TURN
@@ -112,6 +113,7 @@ class FirstEstimator:
         self._cameras, self._search, self._lamps = tuple(cameras), search, lamps
         self._vectors = np.array([camera.vector for camera in cameras])
         self._views = _still_views(self._cameras)
+        self._blurs = np.full(len(self._cameras), BLUR)  # of each camera's images, from the first frame on
         self._frames: list[_Frame] = []
         self._size = 0  # pixels of the full resolution, side of the square that is cut out
         self._light: Illumination | None = None  # fitted to the frames with which the spin is searched
@@ -134,7 +136,10 @@ class FirstEstimator:
         """
         circles, points = np.array([(ball.u, ball.v, ball.radius) for ball in detections]), list[np.ndarray]()
         for c, (image, ball) in enumerate(zip(images, detections, strict=True)):
-            found = fit_outline(image, circles[c], ball.contrast, True)
+            found = fit_outline(image, circles[c], ball.contrast, True, self._blurs[c])
+            if not self._frames and (blur := edge_blur(image, found)) > BLUR:
+                self._blurs[c] = blur
+                found = fit_outline(image, circles[c], ball.contrast, True, blur)
             found["camera"], found["frame"] = c, len(self._frames)
             points.append(found)
         frame = _Frame(time, images, detections, points, circles, self._circle_views(circles))
@@ -160,8 +165,8 @@ class FirstEstimator:
         """
         points = np.concatenate([frame.points[c] for c in range(len(self._cameras)) for frame in self._frames])
         circles = np.array([frame.circles for frame in self._frames]).swapaxes(0, 1)
-        motion = fit_motion_to_outlines(burst, points, circles)
-        if isinstance(motion, Failure) or motion.residual > VAGUE_OUTLINE:
+        motion = fit_motion_to_outlines(burst, points, circles, self._blurs)
+        if isinstance(motion, Failure) or motion.sharp_residual > VAGUE_OUTLINE:
             motion = fit_motion(burst)
         if isinstance(motion, Failure):
             return FirstEstimate(None, None, None, None, motion)

@@ -152,7 +152,7 @@ def first_measurement(burst: Burst, first: FirstEstimate, air: Aerodynamics = AI
     if motion is not None and found is not None:
         calibrated = first.light is not None and first.light.is_calibrated
         cameras = len(burst.cameras)
-        spin = estimate_from(found, cameras=cameras, is_refined=False, is_light_calibrated=calibrated)
+        spin = estimate_from(found, cameras=cameras, is_refined=False, is_light_calibrated=calibrated, blur=motion.blur)
         reason = reason or spin.reason
     if motion is None or spin is None or reason:
         return Measurement(None, reason, len(burst), {}, motion, spin)
@@ -295,7 +295,7 @@ def _spin(burst: Burst, first: FirstEstimate, search: SearchParams) -> _Estimate
         surface = surface.lit_by(light)
         found = register_again(surface, found, search)
     found = with_near_rivals(surface, found)
-    spin = estimate_from(found, cameras=cameras, is_refined=is_refined, is_light_calibrated=light.is_calibrated)
+    spin = estimate_from(found, cameras=cameras, is_refined=is_refined, is_light_calibrated=light.is_calibrated, blur=motion.blur)
     return _Estimate(motion, spin, spin.reason)
 
 
@@ -319,7 +319,7 @@ def _refine(
     """
     relit = relight(surface, found, shown)
     found = register_again(relit, found, search, ROUGH_STEP)
-    points = limb_outlines(burst, relit, found)
+    points = limb_outlines(burst, relit, found, motion.blurs)
     refitted = refit_motion(motion, points, burst, relit.illumination.is_calibrated)
     if isinstance(refitted, Failure):
         return (motion, relit, found) if refitted.code is MotionReason.FEW_POINTS else refitted

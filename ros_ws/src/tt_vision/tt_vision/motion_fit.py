@@ -21,7 +21,7 @@ from tt_core.states import Array
 
 from .camera import CannotTriangulate, triangulate
 from .capture.burst import Burst
-from .detection.outline import scan_outline
+from .detection.outline import BLUR, blur_scale, edge_blur, scan_outline
 from .projection import CameraModel, ray, rotate_back, to_camera, unpack_camera
 
 EDGE_PRIOR = 0.6  # pixels, standard deviation of the edge shift of a camera before any measurement
@@ -40,7 +40,7 @@ MOST_OFFSET = 5.0  # pixels, largest offset of a camera with which a fit is acce
 LEAST_MOTION_STEP = 1e-6  # m, and 100 times that in m/s: a fit ends after a shorter step, which shifts no pixel noticeably
 FIRST_LEAST_STEP = 1e-4  # the same for the first fit; it is 0.07 pixels
 FIRST_REACH = 0.35  # of the radius: distance from the rough outline within which the first fit scans for the outline
-FINE_REACH = 4.0  # pixels, distance from the expected outline within which later fits scan for the outline
+FINE_REACH = 4.0  # pixels, distance from the expected outline within which later fits scan for it, in a sharp image
 MOST_RESIDUAL = 1.2  # pixels rms of the outline: 0.15 is usual, 0.8 with cameras 1 mm and 0.05 deg out of place, 1.6 with cameras swapped
 MOST_APART = 3.0  # pixels, largest offset in u or v of a camera with which a motion is believed
 MOST_EDGE = 2.0  # pixels, largest edge shift of a camera: 1.4 with 3 pixels of blur, 2.4 with the camera 10 cm out of place
@@ -77,6 +77,7 @@ class BallMotion:
             mainly by errors of the cameras' calibration.
         edges: (cameras,) pixels, edge shift: by how much each camera's images show the edge of the ball too far out.
         points: Number of outline points.
+        blurs: (cameras,) pixels, sigma of lens and motion at the outline in each camera's images, from `edge_blur`.
     """
 
     time: float
@@ -88,6 +89,17 @@ class BallMotion:
     offsets: Array
     edges: Array
     points: int
+    blurs: Array
+
+    @property
+    def blur(self) -> float:
+        """The largest of `blurs`, pixels."""
+        return float(self.blurs.max())
+
+    @property
+    def sharp_residual(self) -> float:
+        """The residual as it would be in sharp images, pixels: blurred outlines are less accurate by the factor `blur_scale`."""
+        return self.residual / blur_scale(self.blur)
 
     @property
     def alignment(self) -> Array:
@@ -139,11 +151,13 @@ class FitSetup(NamedTuple):
         vectors: (cameras, 20) `Camera.vector` of each camera.
         tau: (frames,) s, times of the frames relative to their mean.
         acceleration: (3,) m/s^2 in `table`, constant acceleration of the ball.
+        blurs: (cameras,) pixels, blur of each camera's images, see `BallMotion.blurs`.
     """
 
     vectors: Array
     tau: Array
     acceleration: Array
+    blurs: Array
 
 
 class FitState(NamedTuple):
@@ -216,7 +230,7 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
     Returns:
         The motion, or the reason why none was found.
     """
-    setup = _setup(burst, np.array(acceleration, dtype=np.float64))
+    setup = _setup(burst, np.array(acceleration, dtype=np.float64), np.full(len(burst.cameras), BLUR))
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
     circles = np.array([[(ball.u, ball.v, ball.radius) for ball in row] for row in burst.detections])
     try:
@@ -227,21 +241,23 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
     motion = _solve(points, burst, setup, state, offsets, least_step=FIRST_LEAST_STEP)
     if isinstance(motion, Failure):
         return motion
+    setup = setup._replace(blurs=outline_blurs(burst, points))
     return _solve(_fine_outlines(burst, setup, state), burst, setup, state, motion.offsets)
 
 
-def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array) -> BallMotion | Failure:
+def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array, blurs: Array) -> BallMotion | Failure:
     """Fit the motion of the ball to outline points that have been found before, image by image.
 
     Args:
         burst: A burst (the images of one ball's passage) with cameras and detections, in which every image shows the whole ball.
         points: (n,) OUTLINE_POINT of all images; those of one image must follow each other.
         circles: (cameras, frames, 3) pixels: column u and row v of the ball's centre, and its radius in each image.
+        blurs: (cameras,) pixels, see `BallMotion.blurs`.
 
     Returns:
         The motion, or the reason why none was found.
     """
-    setup = _setup(burst, np.array(FALL))
+    setup = _setup(burst, np.array(FALL), blurs)
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
     try:
         state[:6] = _start(burst, setup, circles)
@@ -266,11 +282,11 @@ def refit_motion(motion: BallMotion, points: np.ndarray, burst: Burst, is_light_
     Returns:
         The motion, or the reason why none was found.
     """
-    setup = _setup(burst, motion.acceleration)
+    setup = _setup(burst, motion.acceleration, motion.blurs)
     middle = motion.positions(np.array([np.mean(burst.times)]))[0]
     state = np.concatenate([middle, motion.velocity - setup.tau[-1] * motion.acceleration, motion.edges])
     found = _solve(points, burst, setup, state, motion.offsets, is_light_calibrated=is_light_calibrated)
-    if isinstance(found, Failure) or is_light_calibrated or motion.residual > VAGUE_OUTLINE:
+    if isinstance(found, Failure) or is_light_calibrated or motion.sharp_residual > VAGUE_OUTLINE:
         return found
     return replace(found, position=found.position + (1.0 - REFIT_TRUST) * (middle - state[:3]))
 
@@ -282,16 +298,27 @@ def motion_doubt(motion: BallMotion) -> Failure | None:
     """
     if not (np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()):
         return Failure(MotionReason.NOT_FINITE)
-    if motion.residual > MOST_RESIDUAL:
-        return Failure(MotionReason.ROUGH_OUTLINE, residual=motion.residual, bound=MOST_RESIDUAL)
+    if motion.sharp_residual > MOST_RESIDUAL:
+        return Failure(MotionReason.ROUGH_OUTLINE, residual=motion.sharp_residual, bound=MOST_RESIDUAL)
     apart, edge = float(np.abs(motion.offsets).max()), float(np.abs(motion.edges).max())
     if apart > MOST_APART:
         return Failure(MotionReason.APART, apart=apart, bound=MOST_APART)
     return Failure(MotionReason.WRONG_SIZE, edge=edge, bound=MOST_EDGE) if edge > MOST_EDGE else None
 
 
-def _setup(burst: Burst, acceleration: Array) -> FitSetup:
-    return FitSetup(np.array([camera.vector for camera in burst.cameras]), burst.from_middle, acceleration)
+def outline_blurs(burst: Burst, points: np.ndarray) -> Array:
+    """Estimate the blur of each camera's images, (cameras,) pixels, from the outline in its first image.
+
+    Args:
+        burst: A burst (the images of one ball's passage) with cameras.
+        points: (n,) OUTLINE_POINT of all images.
+    """
+    first = points[points["frame"] == 0]
+    return np.array([edge_blur(images[0], first[first["camera"] == c]) for c, images in enumerate(burst.images)])
+
+
+def _setup(burst: Burst, acceleration: Array, blurs: Array) -> FitSetup:
+    return FitSetup(np.array([camera.vector for camera in burst.cameras]), burst.from_middle, acceleration, blurs)
 
 
 def _solve(
@@ -347,6 +374,7 @@ def _solve(
         offsets=fit.offsets,
         edges=state[6:].copy(),
         points=len(points),
+        blurs=setup.blurs,
     )
     aside = np.abs(motion.alignment).max() * np.linalg.norm(position - cameras[0].position) / cameras[0].focal_pixels
     covariance[:3, :3] += aside**2 * np.eye(3)  # if the cameras disagree, it is unknown which of them is wrong
@@ -386,8 +414,9 @@ def _fine_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
     """Find the outline points (n,) OUTLINE_POINT in a narrow ring around the outline that a state gives in each image."""
     found = []
     for c, row in enumerate(burst.detections):
+        reach = blur_scale(setup.blurs[c]) * FINE_REACH
         for k, (ball, (u, v, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
-            points = scan_outline(burst.images[c][k], u, v, radius - FINE_REACH, radius + FINE_REACH, ball.contrast)
+            points = scan_outline(burst.images[c][k], u, v, radius - reach, radius + reach, ball.contrast, setup.blurs[c])
             points["camera"], points["frame"] = c, k
             found.append(points)
     return np.concatenate(found)

@@ -15,7 +15,7 @@ from tt_core.errors import BadShape, TtError
 from tt_core.failures import Failure
 
 from ..capture.burst import BallDetection, Burst
-from .outline import BALL_THRESHOLD, CONTRAST, RAYS, scan_outline
+from .outline import BALL_THRESHOLD, BLUR, CONTRAST, RAYS, blur_scale, scan_outline
 
 SATURATED = 0.2  # share of the ball's pixels at full scale above which the image counts as saturated, because the shading is lost
 LEAST_RADIUS = 8.0  # pixels; on a smaller ball the marks cannot be told apart
@@ -178,7 +178,7 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -> np.ndarray:
+def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool, blur: float = BLUR) -> np.ndarray:
     """Fit a circle to the ball's outline in an image, and return the points of the outline.
 
     The outline is scanned twice: far around the given circle, then close to the circle that was fitted first.
@@ -189,14 +189,16 @@ def fit_outline(image: np.ndarray, circle: Array, contrast: float, free: bool) -
             stays as it is if too few points are found.
         contrast: Difference in grey levels between the brightest part of the ball and the background.
         free: Whether the radius is fitted, too; if not, it stays as given.
+        blur: Sigma of lens and motion at the outline, pixels.
 
     Returns:
         (n,) array of dtype OUTLINE_POINT with `camera` and `frame` 0: the points of the last scan. It is empty if the fitted circle lies
         outside the ring that was scanned, because then the points do not lie on a circle.
     """
-    for reach, step in ((FAR_REACH * circle[2], FAR_STEP), (NEAR_REACH, 1)):
-        points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast, step)
-        if len(points) < LEAST_CIRCLE_POINTS // step:
+    near = blur_scale(blur) * NEAR_REACH
+    for reach, every in ((max(FAR_REACH * circle[2], near), FAR_STEP), (near, 1)):
+        points = scan_outline(image, circle[0], circle[1], circle[2] - reach, circle[2] + reach, contrast, blur, every)
+        if len(points) < LEAST_CIRCLE_POINTS // every:
             break
         fitted = circle.copy()
         _fit_circle(points, fitted, free)

@@ -15,13 +15,20 @@ from numba import njit
 from tt_core.states import Array
 
 RAYS = 64  # outline points looked for in one image
-SAMPLE_STEP = 0.5  # pixels between two samples along a ray
-BLUR = 0.7  # pixels, sigma of lens and motion at the outline; the outline moves by 0.02 pixels when this is off by 0.3
+SAMPLE_STEP = 0.5  # pixels between two samples along a ray in a sharp image
+BLUR = 0.7  # pixels, sigma of lens and motion at the outline of a sharp image; the outline moves by 0.02 pixels when this is off by 0.3
+MOST_SHARP_BLUR = 1.2  # pixels, sigma up to which an image counts as sharp, so that BLUR is used
+SCANNED_BLUR = 0.95  # pixels, sigma up to which the distances along a ray are those of a sharp image; beyond it they grow with the blur
+MOST_BLUR = 3.5  # pixels, largest sigma that is estimated
+BLUR_REACH, BLUR_DEPTH = 10.0, 6.0  # pixels outside and inside the outline between which the blur is estimated
+STEEP = 2  # number of samples on either side by whose difference the steepest place is found
+LEAST_TAIL = 0.05  # brightness, relative to that at the steepest place, down to which it counts in the estimate of the blur
+OWN_BLUR = 0.85  # pixels, sigma that pixels, interpolation and errors of the outline add to the blur that is estimated
 SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light, as by a mark, that divides a point's weight by four
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
 BALL_THRESHOLD = 0.25  # threshold between the background (0) and the brightest part of the ball (1)
 
-INSIDE = (1.5, 6.0)  # pixels inside the edge between which the brightness is extrapolated
+INSIDE = (1.5, 6.0)  # pixels inside the edge between which the brightness is extrapolated, in a sharp image
 INSIDE_SAMPLES = 12  # samples of a ray inside the innermost possible edge, as many as INSIDE needs
 EDGE_COSINE = 0.4  # cosine between the ball's normal and the line of sight at which the brightness near the edge is taken
 LEAST_BRIGHTNESS = 0.15  # least brightness just inside the edge, relative to the ball's contrast
@@ -60,8 +67,14 @@ def ray_direction(k: int) -> tuple[float, float]:
     return math.cos(2.0 * math.pi * k / RAYS), math.sin(2.0 * math.pi * k / RAYS)
 
 
+@njit(cache=True, nogil=True, forceinline=True)
+def blur_scale(blur: float) -> float:
+    """Return the factor on all distances along a ray for an image with a blur (sigma, pixels); 1 for a sharp image."""
+    return max(1.0, blur / SCANNED_BLUR)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def sample_ray(image: np.ndarray, u: float, v: float, k: int, outer: float, profile: Array) -> bool:
+def sample_ray(image: np.ndarray, u: float, v: float, k: int, outer: float, step: float, profile: Array) -> bool:
     """Sample the grey levels along one ray from the ball's centre, from outside inwards.
 
     Args:
@@ -70,7 +83,8 @@ def sample_ray(image: np.ndarray, u: float, v: float, k: int, outer: float, prof
         v: Row of the ball's centre, pixels.
         k: Number of the ray, 0 to RAYS - 1.
         outer: Distance of the first sample from the centre, pixels.
-        profile: (n,) is filled: `profile[i]` is the grey level at `outer - SAMPLE_STEP * i` pixels from the centre.
+        step: Distance between two samples, pixels.
+        profile: (n,) is filled: `profile[i]` is the grey level at `outer - step * i` pixels from the centre.
 
     Returns:
         Whether the ray is inside the image as far as `outer`; if not, `profile` stays as it is.
@@ -80,7 +94,7 @@ def sample_ray(image: np.ndarray, u: float, v: float, k: int, outer: float, prof
     if not (0.0 <= u + outer * du < width - 1 and 0.0 <= v + outer * dv < height - 1):
         return False
     for i in range(len(profile)):
-        s = outer - SAMPLE_STEP * i
+        s = outer - step * i
         profile[i] = bilinear(image, u + s * du, v + s * dv)
     return True
 
@@ -92,7 +106,7 @@ def background_behind(profile: Array) -> float:
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
-def edge_crossing(profile: Array, i: int, threshold: float, outer: float) -> float:
+def edge_crossing(profile: Array, i: int, threshold: float, outer: float, step: float) -> float:
     """Find where the brightness along a ray rises to a threshold between two neighbouring samples, by linear interpolation.
 
     Args:
@@ -100,11 +114,12 @@ def edge_crossing(profile: Array, i: int, threshold: float, outer: float) -> flo
         i: Index of the inner one of the two samples; the other one is i - 1.
         threshold: Grey level.
         outer: Distance of the first sample from the ball's centre, pixels.
+        step: Distance between two samples, pixels.
 
     Returns:
         Distance from the ball's centre, pixels.
     """
-    return outer - SAMPLE_STEP * (i - (profile[i] - threshold) / (profile[i] - profile[i - 1]))
+    return outer - step * (i - (profile[i] - threshold) / (profile[i] - profile[i - 1]))
 
 
 @njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
@@ -121,7 +136,53 @@ def point_weight(brightness: float, contrast: float, ragged: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: float, contrast: float, step: int = 1) -> np.ndarray:
+def edge_blur(image: np.ndarray, points: np.ndarray) -> float:
+    """Estimate the blur of an image from the ball's outline, sigma in pixels.
+
+    The brightness is averaged over all rays, aligned at their outline points. From the place where it rises most, outwards, it falls like a
+    blurred step, whatever the light on the ball is; its integral there is proportional to the blur.
+
+    Args:
+        image: (h, w) uint8 or uint16.
+        points: (n,) OUTLINE_POINT, the outline in this image.
+
+    Returns:
+        The blur, at most MOST_BLUR; BLUR for a sharp image, and for an outline that tells nothing.
+    """
+    profile = np.empty(int((BLUR_REACH + BLUR_DEPTH) / SAMPLE_STEP) + 1)
+    total, height, width = np.zeros(len(profile)), image.shape[0], image.shape[1]
+    middle_u, middle_v = points["u"].mean(), points["v"].mean()
+    for point in points:
+        du, dv = point.u - middle_u, point.v - middle_v
+        length = math.sqrt(du * du + dv * dv)
+        du, dv = du / length, dv / length
+        first_u, first_v = point.u + BLUR_REACH * du, point.v + BLUR_REACH * dv
+        if not (0.0 <= first_u < width - 1 and 0.0 <= first_v < height - 1):
+            continue
+        for i in range(len(total)):
+            s = SAMPLE_STEP * i
+            total[i] += point.weight * bilinear(image, first_u - s * du, first_v - s * dv)
+    total -= background_behind(total)
+    steepest, rise = STEEP, 0.0
+    for i in range(STEEP, len(total) - STEEP):
+        if total[i + STEEP] - total[i - STEEP] > rise:
+            steepest, rise = i, total[i + STEEP] - total[i - STEEP]
+    level, i, area = total[steepest], steepest, 0.5 * total[steepest]
+    while i > 0 and total[i - 1] > LEAST_TAIL * level:
+        i -= 1
+        area += total[i]
+    if level <= 0.0:
+        return BLUR
+    # of a blurred step: the level is half of the step, and the area is sigma / sqrt(2 pi) times the step
+    blur = SAMPLE_STEP * area / level * math.sqrt(0.5 * math.pi)
+    blur = math.sqrt(max(0.0, blur * blur - OWN_BLUR * OWN_BLUR))
+    return min(blur, MOST_BLUR) if blur > MOST_SHARP_BLUR else BLUR
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def scan_outline(
+    image: np.ndarray, u: float, v: float, inner: float, outer: float, contrast: float, blur: float = BLUR, every: int = 1
+) -> np.ndarray:
     """Find the points of the ball's outline in an image, one along each ray from the ball's centre.
 
     The edge is where the brightness falls to half of the brightness that is extrapolated from the pixels inside. So the edge is found at
@@ -134,19 +195,22 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
         inner: Distance from the centre at which the scan for the edge ends, pixels.
         outer: Distance from the centre at which the scan begins, pixels.
         contrast: Difference in grey levels between the brightest part of the ball and the background.
-        step: Only one of this many rays is scanned.
+        blur: Sigma of lens and motion at the outline, pixels.
+        every: Only one of this many rays is scanned.
 
     Returns:
         (n,) array of dtype OUTLINE_POINT with `camera` and `frame` 0. Rays along which no edge is found are left out.
     """
-    count = int((outer - inner) / SAMPLE_STEP) + 1
+    scale = blur_scale(blur)
+    step = SAMPLE_STEP * scale
+    count = int((outer - inner) / step) + 1
     radius = 0.5 * (inner + outer)
-    mean_root = 0.41 * math.sqrt(2.0 * BLUR / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma BLUR
+    mean_root = 0.41 * math.sqrt(2.0 * blur / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma `blur`
     profile = np.empty(count + INSIDE_SAMPLES)
     points = np.zeros(RAYS, dtype=OUTLINE_POINT)
     found = 0
-    for k in range(0, RAYS, step):
-        if not sample_ray(image, u, v, k, outer, profile):
+    for k in range(0, RAYS, every):
+        if not sample_ray(image, u, v, k, outer, step, profile):
             continue
         behind = background_behind(profile)
         for i in range(len(profile)):
@@ -156,9 +220,9 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
             first += 1
         if first >= count:
             continue
-        edge, is_seen, inside = outer - SAMPLE_STEP * first, False, Inside(0, 0.0, 0.0, 0.0)
+        edge, is_seen, inside = outer - step * first, False, Inside(0, 0.0, 0.0, 0.0)
         for _ in range(2):
-            inside = _brightness_inside(profile, edge, outer, radius)
+            inside = _brightness_inside(profile, edge, outer, radius, scale)
             is_seen = inside.samples >= 4
             if not is_seen:
                 break
@@ -170,7 +234,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
             is_seen = is_steep and inside.level + EDGE_COSINE * inside.slope > LEAST_BRIGHTNESS * contrast
             if not is_seen:
                 break
-            edge = edge_crossing(profile, i, target, outer)
+            edge = edge_crossing(profile, i, target, outer, step)
         if not is_seen:
             continue
         du, dv = ray_direction(k)
@@ -182,7 +246,7 @@ def scan_outline(image: np.ndarray, u: float, v: float, inner: float, outer: flo
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _brightness_inside(profile: Array, edge: float, outer: float, radius: float) -> Inside:
+def _brightness_inside(profile: Array, edge: float, outer: float, radius: float, scale: float) -> Inside:
     """Fit the brightness of the ball just inside an edge along one ray.
 
     Args:
@@ -190,11 +254,12 @@ def _brightness_inside(profile: Array, edge: float, outer: float, radius: float)
         edge: Distance of the edge from the ball's centre, pixels.
         outer: Distance of the first sample from the ball's centre, pixels.
         radius: Radius of the ball in the image, pixels.
+        scale: Factor on all distances along the ray, from `blur_scale`.
     """
-    near, deep = INSIDE
+    near, deep, step = scale * INSIDE[0], scale * INSIDE[1], SAMPLE_STEP * scale
     n, sx, sxx, sy, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(max(0, int((outer - edge + near) / SAMPLE_STEP) + 1), min(int((outer - edge + deep) / SAMPLE_STEP), len(profile))):
-        x = math.sqrt(2.0 * (SAMPLE_STEP * i - outer + edge) / radius)  # cosine to the line of sight: diffuse light is linear in it
+    for i in range(max(0, int((outer - edge + near) / step) + 1), min(int((outer - edge + deep) / step), len(profile))):
+        x = math.sqrt(2.0 * (step * i - outer + edge) / radius)  # cosine to the line of sight: diffuse light is linear in it
         y = profile[i]
         n, sx, sxx, sy, sxy, syy = n + 1, sx + x, sxx + x * x, sy + y, sxy + x * y, syy + y * y
     if n < 4:

@@ -13,7 +13,8 @@ import numpy as np
 from tt_core.failures import Failure
 from tt_core.states import UNKNOWN_VARIANCE, Array
 
-from .registration import GATE, LEAST_DISTINCTNESS, Registration
+from ..detection.outline import BLUR, blur_scale
+from .registration import GATE, LEAST_DISTINCTNESS, MOST_DISPARITY, Registration
 
 # standard deviation by errors of the light and of the ball's centre
 NOISE_FLOOR = 0.17  # rad/s
@@ -30,6 +31,7 @@ class SpinReason(Enum):
     NO_MARKS = "no marks on the ball"
     NO_AGREEMENT = "marks do not agree between frames (residual {residual:.2f})"
     AMBIGUOUS = "{count} spins fit the marks alike: {speeds} rad/s"
+    INCONSISTENT = "parts of the images tell spins that differ by {disparity:.3f} rad per frame, at most {bound:.3f} is allowed"
     INDISTINCT = "marks too few or too faint: they fit other spins nearly as well (distinctness {distinctness:.1f}, {bound:.1f} needed)"
 
 
@@ -78,6 +80,9 @@ class SpinEstimate:
             bound = LEAST_DISTINCTNESS * found.residual
             reason = Failure(SpinReason.INDISTINCT, distinctness=found.distinctness, bound=bound)
             return cls.refused(reason, found.residual, found.candidates)
+        if not len(found.alternatives):
+            reason = Failure(SpinReason.INCONSISTENT, disparity=found.disparity, bound=MOST_DISPARITY)
+            return cls.refused(reason, found.residual, found.candidates)
         spins = np.array([found.spin, *found.alternatives])
         speeds = ", ".join(f"{speed:.0f}" for speed in np.linalg.norm(spins, axis=1))
         refused = cls.refused(Failure(SpinReason.AMBIGUOUS, count=len(spins), speeds=speeds), found.residual, found.candidates)
@@ -95,7 +100,7 @@ class SpinEstimate:
         return cls(spin, UNKNOWN_VARIANCE * np.eye(3), residual, None, iterations)
 
 
-def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool) -> SpinEstimate:
+def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool, blur: float = BLUR) -> SpinEstimate:
     """Convert a registration (a spin with which the ball's marks agree in all images) to an estimate of the spin with its covariance.
 
     The covariance is that of the least-squares fit, plus a part for errors of the light and of the ball's centre.
@@ -105,6 +110,7 @@ def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_lig
         cameras: Number of cameras.
         is_refined: Whether the outlines were found again once the marks were known.
         is_light_calibrated: Whether the lamps are calibrated.
+        blur: Sigma of lens and motion in the images, pixels. The errors of light and centre grow with its square.
 
     Returns:
         The estimate; if the registration is not believed, a result without an estimate, with the reason.
@@ -114,6 +120,6 @@ def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_lig
     factor = (NOT_REFINED_NOISE if not is_refined else CALIBRATED_LIGHT_NOISE if is_light_calibrated else 1.0) * (
         ONE_CAMERA_NOISE if cameras == 1 else 1.0
     )
-    floor = factor * np.hypot(NOISE_FLOOR, RELATIVE_NOISE_FLOOR * np.linalg.norm(found.spin))
+    floor = factor * blur_scale(blur) ** 2 * np.hypot(NOISE_FLOOR, RELATIVE_NOISE_FLOOR * np.linalg.norm(found.spin))
     covariance = CORRELATED * np.linalg.inv(found.information) + floor**2 * np.eye(3)
     return SpinEstimate(found.spin, covariance, found.residual, None, found.candidates)

@@ -2,6 +2,7 @@
 
 A part of the surface that lies along the outline in one image is seen better in other images, because the ball turns. So the brightness
 just inside the outline can be computed, marks included. The outline is where the image falls to half of this brightness, after blurring.
+Distances along a ray are in pixels of a sharp image; in a blurred image they are larger by the factor `blur_scale`.
 Without this, an outline with marks along it has an error of 0.1 pixels.
 """
 
@@ -18,13 +19,13 @@ from tt_core.states import Array
 from ..capture.burst import Burst
 from ..detection.illumination import Illumination, camera_light, gloss_level, white_level
 from ..detection.outline import (
-    BLUR,
     LEAST_BRIGHTNESS,
     OUTLINE_POINT,
     RAYS,
     SAMPLE_STEP,
     SMOOTH,
     background_behind,
+    blur_scale,
     edge_crossing,
     point_weight,
     ray_direction,
@@ -67,32 +68,33 @@ class ExpectedEdge(NamedTuple):
     ragged: float
 
 
-def limb_outlines(burst: Burst, surface: SurfaceMap, found: Registration) -> np.ndarray:
+def limb_outlines(burst: Burst, surface: SurfaceMap, found: Registration, blurs: Array) -> np.ndarray:
     """Find the points of the ball's outline in all images of a burst, with the brightness expected from its marks (dots) and the light.
 
     Args:
         burst: A burst (the images of one ball's passage) with cameras and detections.
         surface: The ball's surface in all images, with the light and the ball's position.
         found: The registration: spin and marks.
+        blurs: (cameras,) pixels, sigma of lens and motion at the outline in each camera's images.
 
     Returns:
         (n,) OUTLINE_POINT; those of one image follow each other.
     """
     light, rows = surface.illumination, []
-    expected = _limb_brightness(surface.images.views, ball_marks(surface, found), light)
+    expected = _limb_brightness(surface.images.views, ball_marks(surface, found), light, blurs)
     prior = math.inf if light.is_calibrated else BEND_PRIOR
     centres = np.ascontiguousarray(surface.images.views["centre"])
     for m in range(len(expected)):
         c, k = divmod(m, len(burst))
         contrast = burst.detections[c][k].contrast
-        points = _scan_limb(burst.images[c][k], burst.cameras[c].vector, centres[m], contrast, expected[m], prior)
+        points = _scan_limb(burst.images[c][k], burst.cameras[c].vector, centres[m], contrast, expected[m], prior, blurs[c])
         points["camera"], points["frame"] = c, k
         rows.append(points)
     return np.concatenate(rows)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination) -> Array:
+def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination, blurs: Array) -> Array:
     """Compute the grey levels, over the background, that are expected just inside the outline: (images, RAYS, DEPTHS).
 
     A part of the surface that no image shows well enough is taken as white.
@@ -101,12 +103,14 @@ def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination) -
         views: (images,) VIEW, how a camera sees the ball in each image.
         known: The brightness of the ball's surface.
         light: The light on the ball.
+        blurs: (cameras,) pixels, see `limb_outlines`.
     """
     images, cameras = len(views), len(light.harmonics)
     marks, texels = known.marks, known.texels
     out = np.empty((images, RAYS, DEPTHS))
     for m in range(images):
-        optics, of_camera, gain = view_optics(views[m]), camera_light(light, m * cameras // images), light.gains[m]
+        c = m * cameras // images
+        optics, of_camera, gain, step = view_optics(views[m]), camera_light(light, c), light.gains[m], blur_scale(blurs[c]) * DEPTH_STEP
         turn, centre = unpack_rotation(known.turns[m]), views[m].centre
         cx, cy, cz = centre[0], centre[1], centre[2]
         square = cx * cx + cy * cy + cz * cz - BALL_RADIUS**2
@@ -115,7 +119,7 @@ def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination) -
         for k in range(RAYS):
             du, dv = ray_direction(k)
             for d in range(DEPTHS):
-                s = radius - DEPTH_STEP * (d + 0.5)
+                s = radius - step * (d + 0.5)
                 x, y = ray(optics, u + s * du, v + s * dv)
                 z = 1.0 / math.sqrt(x * x + y * y + 1.0)
                 x, y = x * z, y * z
@@ -129,7 +133,7 @@ def _limb_brightness(views: np.ndarray, known: BallMarks, light: Illumination) -
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float, expected: Array, prior: float) -> np.ndarray:
+def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float, expected: Array, prior: float, blur: float) -> np.ndarray:
     """Find the points of the ball's outline in one image, (n,) OUTLINE_POINT with `camera` and `frame` 0.
 
     Args:
@@ -139,31 +143,33 @@ def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float,
         contrast: Difference in grey levels between the brightest part of the ball and the background.
         expected: (RAYS, DEPTHS) expected grey levels just inside the outline, over the background.
         prior: Weight of the prior that the ratio of the image to the expected brightness does not change towards the outline.
+        blur: Sigma of lens and motion at the outline, pixels.
     """
+    scale = blur_scale(blur)
     optics = unpack_camera(camera).optics
     u, v = project_point(optics, centre[0], centre[1], centre[2])
     radius = optics.focal * BALL_RADIUS / centre[2]
-    outer = radius + FINE_REACH
+    outer, step = radius + scale * FINE_REACH, scale * SAMPLE_STEP
     profile = np.empty(int((2.0 * FINE_REACH + DEEPEST) / SAMPLE_STEP) + 1)
-    points, found, weights = np.zeros(RAYS, dtype=OUTLINE_POINT), 0, _blur_weights()
+    points, found, weights = np.zeros(RAYS, dtype=OUTLINE_POINT), 0, _blur_weights(blur / scale)
     for k in range(RAYS):
-        if not sample_ray(image, u, v, k, outer, profile):
+        if not sample_ray(image, u, v, k, outer, step, profile):
             continue
         behind = background_behind(profile)
         edge, is_seen, compared, bright = radius, False, ExpectedEdge(0, 0.0, 0.0, 0.0), 0.0
         for _ in range(EDGE_PASSES):
-            compared = _compare_inside(profile, behind, edge, radius, expected[k], prior)
+            compared = _compare_inside(profile, behind, edge, radius, expected[k], prior, scale)
             is_seen = compared.samples >= 4 and compared.ratio > LEAST_RATIO
             if not is_seen:
                 break
-            bright = _edge_brightness(compared, expected[k], radius, weights)
+            bright = _edge_brightness(compared, expected[k], radius / scale, weights)
             threshold, closest = behind + 0.5 * bright, np.inf
             for i in range(1, len(profile)):
                 if profile[i - 1] < threshold <= profile[i]:
-                    s = edge_crossing(profile, i, threshold, outer)
+                    s = edge_crossing(profile, i, threshold, outer, step)
                     if abs(s - radius) < closest:
                         closest, edge = abs(s - radius), s
-            is_seen = closest < MOST_EDGE_SHIFT and bright > LEAST_BRIGHTNESS * contrast
+            is_seen = closest < scale * MOST_EDGE_SHIFT and bright > LEAST_BRIGHTNESS * contrast
             if not is_seen:
                 break
         if is_seen:
@@ -176,7 +182,7 @@ def _scan_limb(image: np.ndarray, camera: Array, centre: Array, contrast: float,
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _compare_inside(profile: Array, behind: float, edge: float, radius: float, expected: Array, prior: float) -> ExpectedEdge:
+def _compare_inside(profile: Array, behind: float, edge: float, radius: float, expected: Array, prior: float, scale: float) -> ExpectedEdge:
     """Compare the image with the expected brightness along one ray just inside an edge, by a linear least-squares fit.
 
     Args:
@@ -186,7 +192,9 @@ def _compare_inside(profile: Array, behind: float, edge: float, radius: float, e
         radius: Radius of the ball in the image, pixels.
         expected: (DEPTHS,) expected grey levels over the background.
         prior: Weight of the prior that the ratio of the two does not change towards the outline.
+        scale: Factor on all distances along the ray.
     """
+    edge, radius = edge / scale, radius / scale  # in pixels of a sharp image from here on
     outer = radius + FINE_REACH
     n, xx, xy, yy, zz, xz, zy = 0, 1e-9, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(
@@ -205,11 +213,11 @@ def _compare_inside(profile: Array, behind: float, edge: float, radius: float, e
 
 
 @njit(cache=True, nogil=True)
-def _blur_weights() -> Array:
-    """Return the weights (EDGE_DEPTHS,) of the outermost samples in the blurred brightness of the edge; their sum is 1."""
+def _blur_weights(blur: float) -> Array:
+    """Return the weights (EDGE_DEPTHS,) of the outermost samples in the brightness of the edge, blurred by `blur`; their sum is 1."""
     weights = np.empty(EDGE_DEPTHS)
     for d in range(EDGE_DEPTHS):
-        weights[d] = math.exp(-0.5 * (DEPTH_STEP * (d + 0.5) / BLUR) ** 2)
+        weights[d] = math.exp(-0.5 * (DEPTH_STEP * (d + 0.5) / blur) ** 2)
     return weights / weights.sum()
 
 

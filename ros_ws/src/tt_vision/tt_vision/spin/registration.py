@@ -8,13 +8,14 @@ Method 2 of the Nagoya dissertation (Section 2.4) compares each image with the o
 refined on pairs of frames. The best of these is refined on all images of both cameras at once, and the unknown marks are eliminated from
 the equations. All this is done at half the resolution; `register_again` refines the spin at the full resolution.
 
-Three numbers decide whether a registration is believed:
+Four numbers decide whether a registration is believed:
 
 - The residual is the disagreement of the marks between the images. It is computed from blurred marks, so that noise and the sharpness of
   the images hardly change it.
 - The rivals are other spins, refined in the same way, that may fit as well. Those far from the spin found come from the search, those near
   it from `with_near_rivals`.
 - The distinctness is the increase of the disagreement when the spin changes.
+- The disparity is the difference between the spins that halves of the images tell: those of either camera, and the early and late ones.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from .comparison import Comparison, compare_all, compare_pairs, refine_on_all, r
 from .mark_sampling import first_samples
 from .soft_surface import SoftSurface
 from .sphere_grid import fibonacci, fibonacci_single
-from .surface_map import SurfaceMap, shortest_gap
+from .surface_map import MarkImages, SurfaceMap, shortest_gap
 from .wide_search import ScoredSpins, aliases, score_spins
 
 # rad per frame, least distance of kept candidates: in the usual and in the wide search
@@ -61,6 +62,9 @@ DISTINCT = 30.0  # distinctness above which near rivals are not searched: of 82 
 # direction in which it rises least: 1 in 20 of the bursts with near rivals had such a rise
 DISTINCT_STEP = 8.0
 NEAR_POINTS = 400  # number of points on the ball in the search for near rivals
+MOST_DISPARITY = 0.04  # rad per frame, 340 rpm at 900 frames per second; where near rivals are searched, a larger disparity refuses a third
+# of the spins that are wrong by more than 300 rpm, and 1 in 50 of the others
+LEAST_HALVED = 4  # number of frames from which on the early and the late ones are compared
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,7 @@ class Registration:
         alternatives: (m, 3) rad/s, other spins that the images do not rule out.
         distinctness: Relative increase of the mean squared error of the brightness if the spin changes by NEAR_RIVALS[0] rad per frame in
             the direction in which the increase is least; computed from derivatives. It is infinite until `with_near_rivals` computes it.
+        disparity: rad per frame, largest difference between the spins that two halves of the images tell. It is 0 if it was not computed.
     """
 
     spin: Array
@@ -119,6 +124,7 @@ class Registration:
     marks: np.ndarray
     alternatives: Array
     distinctness: float = np.inf
+    disparity: float = 0.0
 
     @property
     def agrees(self) -> bool:
@@ -131,9 +137,14 @@ class Registration:
         return self.distinctness >= LEAST_DISTINCTNESS * self.residual
 
     @property
+    def is_consistent(self) -> bool:
+        """Whether halves of the images tell nearly the same spin."""
+        return self.disparity <= MOST_DISPARITY
+
+    @property
     def is_believed(self) -> bool:
-        """Whether the spin is believed: the marks agree with it, and with no other spin."""
-        return self.agrees and self.is_distinct and not len(self.alternatives)
+        """Whether the spin is believed: the marks agree with it in all parts of the images, and with no other spin."""
+        return self.agrees and self.is_distinct and self.is_consistent and not len(self.alternatives)
 
 
 class Proposal(NamedTuple):
@@ -248,14 +259,15 @@ def register_residual(surface: SoftSurface, found: Registration, search: SearchP
 def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
     """Compute the distinctness of a registration, and search spins near it that fit the marks as well.
 
-    If the ball has few marks, refinements can converge to several spins within some 1000 rpm of each other.
+    If the ball has few marks, refinements can converge to several spins within some 1000 rpm of each other. In such a case the disparity is
+    computed, too.
 
     Args:
         surface: The ball's surface in all images, at the full resolution.
         found: The last registration of a burst.
 
     Returns:
-        The registration with its `distinctness`, and with the near spins that were found added to its `alternatives`.
+        The registration with its `distinctness` and `disparity`, and with the near spins that were found added to its `alternatives`.
     """
     images, points = surface.images, fibonacci_single(NEAR_POINTS)
     gap = shortest_gap(images.times)
@@ -273,7 +285,29 @@ def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
     trials = [refine_on_all(spin, points, images, LEAST_SPIN_STEP) for spin in near]
     rivals = [spin for spin, its in trials if its.error < NEAR_RATIO * compared.error]
     alternatives = np.concatenate([found.alternatives, _apart(rivals, best, SAME_NEAR / gap)])
-    return replace(found, distinctness=distinctness, alternatives=alternatives)
+    return replace(found, distinctness=distinctness, alternatives=alternatives, disparity=_disparity(best, points, images))
+
+
+def _disparity(spin: Array, points: np.ndarray, images: MarkImages) -> float:
+    """Return the largest difference (rad per frame) between the spins that two halves of the images tell.
+
+    The halves are the images of either camera, and those of the early and of the late frames.
+
+    Args:
+        spin: (3,) rad/s, spin from all images, where the refinements start.
+        points: (n, 3) float32 unit vectors, points on the ball.
+        images: The ball's surface in all images, all images of the first camera first.
+    """
+    frames, halves = len(images.times), list[np.ndarray]()
+    if len(images.views) == 2 * frames:
+        halves.append(np.arange(2 * frames) < frames)
+    if frames >= LEAST_HALVED:
+        halves.append(images.frame_of < frames // 2)
+    differences = [0.0]
+    for half in halves:
+        one, other = (refine_on_all(spin, points, images.only(chosen), LEAST_SPIN_STEP)[0] for chosen in (half, ~half))
+        differences.append(float(np.linalg.norm(one - other)))
+    return shortest_gap(images.times) * max(differences)
 
 
 def _score_turns(maps: CoarseMaps, times: Array, step: float, largest: float, most: int) -> ScoredSpins:

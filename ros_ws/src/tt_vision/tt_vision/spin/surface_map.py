@@ -65,6 +65,10 @@ class MarkImages(NamedTuple):
     frame_of: npt.NDArray[np.int64]
     times: Array
 
+    def only(self, chosen: np.ndarray) -> MarkImages:
+        """Return some of the images, with the times of all frames. chosen: (images,) whether to keep each image."""
+        return self._replace(marks=self.marks[chosen], views=self.views[chosen], frame_of=self.frame_of[chosen])
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMap:
