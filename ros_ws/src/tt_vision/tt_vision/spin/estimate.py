@@ -13,7 +13,7 @@ import numpy as np
 from tt_core.failures import Failure
 from tt_core.states import UNKNOWN_VARIANCE, Array
 
-from ..detection.outline import BLUR, blur_scale
+from ..detection.outline import blur_scale
 from .registration import GATE, LEAST_DISTINCTNESS, MOST_DISPARITY, Registration
 
 # standard deviation by errors of the light and of the ball's centre
@@ -100,7 +100,7 @@ class SpinEstimate:
         return cls(spin, UNKNOWN_VARIANCE * np.eye(3), residual, None, iterations)
 
 
-def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool, blur: float = BLUR) -> SpinEstimate:
+def estimate_from(found: Registration, *, cameras: int, is_refined: bool, is_light_calibrated: bool, blur: float) -> SpinEstimate:
     """Convert a registration (a spin with which the ball's marks agree in all images) to an estimate of the spin with its covariance.
 
     The covariance is that of the least-squares fit, plus a part for errors of the light and of the ball's centre.
