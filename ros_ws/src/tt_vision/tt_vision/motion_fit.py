@@ -404,7 +404,7 @@ def _first_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
     for c, row in enumerate(burst.detections):
         for k, (ball, (_, _, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
             reach = max(FIRST_REACH * radius, FINE_REACH)
-            points = scan_outline(burst.images[c][k], ball.u, ball.v, radius - reach, radius + reach, ball.contrast)
+            points = scan_outline(burst.images[c][k], ball.u, ball.v, radius - reach, radius + reach, ball.contrast, setup.blurs[c])
             points["camera"], points["frame"] = c, k
             found.append(points)
     return np.concatenate(found)

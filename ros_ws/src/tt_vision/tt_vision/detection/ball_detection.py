@@ -172,7 +172,7 @@ def ball_centre(image: Image, *, radius: float | None = None) -> Array:
     if seen.reason is not None:
         raise NoWholeBall(seen.reason.code, **seen.reason.values)
     circle = np.array([seen.u, seen.v, seen.radius if radius is None else radius])
-    if len(fit_outline(image, circle, seen.contrast, radius is None)) < LEAST_CIRCLE_POINTS:
+    if len(fit_outline(image, circle, seen.contrast, radius is None, BLUR)) < LEAST_CIRCLE_POINTS:
         raise TtError("no outline of the ball")
     return circle[:2]
 
