@@ -12,7 +12,7 @@ from tt_core.ros.diagnostics import Event, read_status
 from tt_tools.reindex import reindex
 
 BALLS = 5
-ARGUMENTS = ("rate:=45.0", "markers:=false")  # balls a minute; nobody looks at markers
+ARGUMENTS = ("rate:=45.0", "markers:=false")  # 45 balls a minute; no test here looks at markers
 START = 100.0  # s until the first ball is hit; 20 to 35 s on two shared cores
 NEXT = 30.0  # s, room for 22 balls
 RESULTS = {Event.PATH: "/ball/path", Event.STROKES: "/racket/strokes"}  # topics by the events that tell of them

@@ -371,8 +371,8 @@ def test_an_arm_that_takes_positions_makes_a_stroke_too(start, probe, until):
         bench.comes_home()
         return np.abs(there.position - racket.position).max(), gap
 
-    # The simulated arm is at each point 20 ms late, and the racket moves at 1.8 m/s. If nothing was heard or simulated for longer,
-    # because the machine is busy, the stroke is repeated.
+    # The simulated arm lags by 20 ms, and the racket moves at 1.8 m/s. On a busy machine, commands or ticks of the simulation may be
+    # missing for longer than this shortly before the strike. Such a stroke says nothing about the arm node, so another one is made.
     for _ in range(10):
         distance, gap = off()
         if gap < 0.02:

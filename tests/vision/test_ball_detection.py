@@ -38,7 +38,7 @@ def test_the_centre_of_a_disc_is_found(u, v, radius):
 @pytest.mark.parametrize("radius", [20.0, 37.0, 75.0])
 @pytest.mark.parametrize("blur", [0.0, 0.6, 1.0, 2.0, 2.5, 3.0])
 def test_the_blur_of_the_outline_is_told(blur, radius):
-    """Of a sharp image as BLUR. OWN_BLUR is that of a ball that moves; a disc at rest has less of it, so its blur is told 0.3 too small."""
+    """OWN_BLUR includes the motion of a real ball. This disc does not move, so that the result is 0.3 too small for blurred ones."""
     image = gaussian_filter(disc(116.0, 116.0, radius).astype(float), blur)
     image = np.round(image + 2.0 * np.random.default_rng(0).standard_normal(image.shape)).clip(0.0, 255.0).astype(np.uint8)
     told = edge_blur(image, fit_outline(image, np.array([117.0, 115.0, radius]), 192.0, True))

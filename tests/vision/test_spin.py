@@ -56,7 +56,7 @@ def test_the_spin_is_found(film, speed, axis):
 
 
 def test_cameras_that_tell_different_spins_are_not_believed(film, scene):
-    """One logo, so that near rivals are searched. The right camera is taken to be turned by 10 deg, and with it the spin that it sees."""
+    """Three marks, so few that near rivals are searched. A wrong pose of the right camera, by 10 deg, turns the spin that it measures."""
     shot = film(3, spin=(0.0, 0.0, 6000.0), scene=scene(texture=Texture.drawn(2, blobs=3, coverage=0.08)))
     first = estimator_of(shot.burst).estimate(shot.burst)
     surface, frames = cut_surface(shot.burst, first.motion, first.light).lit_by(first.light), len(shot.times)

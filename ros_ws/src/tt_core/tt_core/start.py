@@ -49,7 +49,7 @@ def start(module: str) -> None:
     if module.endswith("_node") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         print_help(module)
         return
-    gc.disable()  # all that imports make stays; to look through it again and again takes an eighth of their time
+    gc.disable()  # imports make no garbage, but the search for it would take an eighth of their time
     main = importlib.import_module(module).main
     gc.enable()
     try:

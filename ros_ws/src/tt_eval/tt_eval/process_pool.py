@@ -9,7 +9,7 @@ from threading import Thread
 
 
 def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """Return an executor with processes that start anew, without what this one has imported.
+    """Return an executor whose worker processes are new Python interpreters, which share no memory with this process.
 
     Args:
         workers: Number of processes; None: one for each core.
@@ -23,7 +23,7 @@ def _watch_parent() -> None:
 
 
 def _end_with_parent() -> None:
-    """Wait until the parent has ended, however it ended, then end this process at once."""
+    """Wait until the parent process ends, by itself or by a signal, and then end this process at once."""
     parent = parent_process()
     if parent is not None:
         parent.join()

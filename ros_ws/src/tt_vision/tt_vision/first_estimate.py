@@ -113,7 +113,7 @@ class FirstEstimator:
         self._cameras, self._search, self._lamps = tuple(cameras), search, lamps
         self._vectors = np.array([camera.vector for camera in cameras])
         self._views = _still_views(self._cameras)
-        self._blurs = np.full(len(self._cameras), BLUR)  # of each camera's images, from the first frame on
+        self._blurs = np.full(len(self._cameras), BLUR)  # pixels, blur of each camera's images, estimated when the first frame is added
         self._frames: list[_Frame] = []
         self._size = 0  # pixels of the full resolution, side of the square that is cut out
         self._light: Illumination | None = None  # fitted to the frames with which the spin is searched

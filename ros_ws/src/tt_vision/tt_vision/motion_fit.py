@@ -151,13 +151,11 @@ class FitSetup(NamedTuple):
         vectors: (cameras, 20) `Camera.vector` of each camera.
         tau: (frames,) s, times of the frames relative to their mean.
         acceleration: (3,) m/s^2 in `table`, constant acceleration of the ball.
-        blurs: (cameras,) pixels, blur of each camera's images, see `BallMotion.blurs`.
     """
 
     vectors: Array
     tau: Array
     acceleration: Array
-    blurs: Array
 
 
 class FitState(NamedTuple):
@@ -230,7 +228,7 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
     Returns:
         The motion, or the reason why none was found.
     """
-    setup = _setup(burst, np.array(acceleration, dtype=np.float64), np.full(len(burst.cameras), BLUR))
+    setup = _setup(burst, np.array(acceleration, dtype=np.float64))
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
     circles = np.array([[(ball.u, ball.v, ball.radius) for ball in row] for row in burst.detections])
     try:
@@ -238,11 +236,11 @@ def fit_motion(burst: Burst, acceleration: Array = FALL) -> BallMotion | Failure
     except CannotTriangulate as error:
         return Failure(MotionReason.NO_START, error=error)
     points = _first_outlines(burst, setup, state)
-    motion = _solve(points, burst, setup, state, offsets, least_step=FIRST_LEAST_STEP)
+    blurs = _outline_blurs(burst, points)
+    motion = _solve(points, burst, setup, state, offsets, blurs, least_step=FIRST_LEAST_STEP)
     if isinstance(motion, Failure):
         return motion
-    setup = setup._replace(blurs=outline_blurs(burst, points))
-    return _solve(_fine_outlines(burst, setup, state), burst, setup, state, motion.offsets)
+    return _solve(_fine_outlines(burst, setup, state, blurs), burst, setup, state, motion.offsets, blurs)
 
 
 def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array, blurs: Array) -> BallMotion | Failure:
@@ -257,16 +255,16 @@ def fit_motion_to_outlines(burst: Burst, points: np.ndarray, circles: Array, blu
     Returns:
         The motion, or the reason why none was found.
     """
-    setup = _setup(burst, np.array(FALL), blurs)
+    setup = _setup(burst, np.array(FALL))
     state, offsets = np.zeros(6 + len(burst.cameras)), np.zeros((len(burst.cameras), 2))
     try:
         state[:6] = _start(burst, setup, circles)
     except CannotTriangulate as error:
         return Failure(MotionReason.NO_START, error=error)
-    motion = _solve(points, burst, setup, state, offsets)
+    motion = _solve(points, burst, setup, state, offsets, blurs)
     if isinstance(motion, Failure) or np.abs(motion.alignment).max() < LITTLE_ASIDE:
         return motion
-    return _solve(points, burst, setup, state, motion.offsets)
+    return _solve(points, burst, setup, state, motion.offsets, blurs)
 
 
 def refit_motion(motion: BallMotion, points: np.ndarray, burst: Burst, is_light_calibrated: bool) -> BallMotion | Failure:
@@ -282,10 +280,10 @@ def refit_motion(motion: BallMotion, points: np.ndarray, burst: Burst, is_light_
     Returns:
         The motion, or the reason why none was found.
     """
-    setup = _setup(burst, motion.acceleration, motion.blurs)
+    setup = _setup(burst, motion.acceleration)
     middle = motion.positions(np.array([np.mean(burst.times)]))[0]
     state = np.concatenate([middle, motion.velocity - setup.tau[-1] * motion.acceleration, motion.edges])
-    found = _solve(points, burst, setup, state, motion.offsets, is_light_calibrated=is_light_calibrated)
+    found = _solve(points, burst, setup, state, motion.offsets, motion.blurs, is_light_calibrated=is_light_calibrated)
     if isinstance(found, Failure) or is_light_calibrated or motion.sharp_residual > VAGUE_OUTLINE:
         return found
     return replace(found, position=found.position + (1.0 - REFIT_TRUST) * (middle - state[:3]))
@@ -306,7 +304,7 @@ def motion_doubt(motion: BallMotion) -> Failure | None:
     return Failure(MotionReason.WRONG_SIZE, edge=edge, bound=MOST_EDGE) if edge > MOST_EDGE else None
 
 
-def outline_blurs(burst: Burst, points: np.ndarray) -> Array:
+def _outline_blurs(burst: Burst, points: np.ndarray) -> Array:
     """Estimate the blur of each camera's images, (cameras,) pixels, from the outline in its first image.
 
     Args:
@@ -317,8 +315,8 @@ def outline_blurs(burst: Burst, points: np.ndarray) -> Array:
     return np.array([edge_blur(images[0], first[first["camera"] == c]) for c, images in enumerate(burst.images)])
 
 
-def _setup(burst: Burst, acceleration: Array, blurs: Array) -> FitSetup:
-    return FitSetup(np.array([camera.vector for camera in burst.cameras]), burst.from_middle, acceleration, blurs)
+def _setup(burst: Burst, acceleration: Array) -> FitSetup:
+    return FitSetup(np.array([camera.vector for camera in burst.cameras]), burst.from_middle, acceleration)
 
 
 def _solve(
@@ -327,6 +325,7 @@ def _solve(
     setup: FitSetup,
     state: Array,
     offsets: Array,
+    blurs: Array,
     *,
     is_light_calibrated: bool = False,
     least_step: float = LEAST_MOTION_STEP,
@@ -339,6 +338,7 @@ def _solve(
         setup: Cameras, times and acceleration.
         state: (6 + cameras,) position, velocity and edge shifts at tau = 0, changed in place to the result.
         offsets: (cameras, 2) pixels, known offsets; the part that is attributed to the calibration is subtracted from the points.
+        blurs: (cameras,) pixels, see `BallMotion.blurs`; the result keeps it.
         is_light_calibrated: Whether the points were found with the light of calibrated lamps.
         least_step: m, and 100 times that in m/s: the fit ends after a shorter step.
 
@@ -374,7 +374,7 @@ def _solve(
         offsets=fit.offsets,
         edges=state[6:].copy(),
         points=len(points),
-        blurs=setup.blurs,
+        blurs=blurs,
     )
     aside = np.abs(motion.alignment).max() * np.linalg.norm(position - cameras[0].position) / cameras[0].focal_pixels
     covariance[:3, :3] += aside**2 * np.eye(3)  # if the cameras disagree, it is unknown which of them is wrong
@@ -404,19 +404,19 @@ def _first_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
     for c, row in enumerate(burst.detections):
         for k, (ball, (_, _, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
             reach = max(FIRST_REACH * radius, FINE_REACH)
-            points = scan_outline(burst.images[c][k], ball.u, ball.v, radius - reach, radius + reach, ball.contrast, setup.blurs[c])
+            points = scan_outline(burst.images[c][k], ball.u, ball.v, radius - reach, radius + reach, ball.contrast, BLUR)
             points["camera"], points["frame"] = c, k
             found.append(points)
     return np.concatenate(found)
 
 
-def _fine_outlines(burst: Burst, setup: FitSetup, state: Array) -> np.ndarray:
+def _fine_outlines(burst: Burst, setup: FitSetup, state: Array, blurs: Array) -> np.ndarray:
     """Find the outline points (n,) OUTLINE_POINT in a narrow ring around the outline that a state gives in each image."""
     found = []
     for c, row in enumerate(burst.detections):
-        reach = blur_scale(setup.blurs[c]) * FINE_REACH
+        reach = blur_scale(blurs[c]) * FINE_REACH
         for k, (ball, (u, v, radius)) in enumerate(zip(row, _circles(setup, state, c), strict=True)):
-            points = scan_outline(burst.images[c][k], u, v, radius - reach, radius + reach, ball.contrast, setup.blurs[c])
+            points = scan_outline(burst.images[c][k], u, v, radius - reach, radius + reach, ball.contrast, blurs[c])
             points["camera"], points["frame"] = c, k
             found.append(points)
     return np.concatenate(found)

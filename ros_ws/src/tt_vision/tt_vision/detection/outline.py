@@ -18,11 +18,11 @@ RAYS = 64  # outline points looked for in one image
 SAMPLE_STEP = 0.5  # pixels between two samples along a ray in a sharp image
 BLUR = 0.7  # pixels, sigma of lens and motion at the outline of a sharp image; the outline moves by 0.02 pixels when this is off by 0.3
 MOST_SHARP_BLUR = 1.2  # pixels, sigma up to which an image counts as sharp, so that BLUR is used
-SCANNED_BLUR = 0.95  # pixels, sigma up to which the distances along a ray are those of a sharp image; beyond it they grow with the blur
+SCANNED_BLUR = 0.95  # pixels; in a blurred image the distances along a ray are multiplied by the blur divided by this
 MOST_BLUR = 3.5  # pixels, largest sigma that is estimated
 BLUR_REACH, BLUR_DEPTH = 10.0, 6.0  # pixels outside and inside the outline between which the blur is estimated
-STEEP = 2  # number of samples on either side by whose difference the steepest place is found
-LEAST_TAIL = 0.05  # brightness, relative to that at the steepest place, down to which it counts in the estimate of the blur
+STEEP = 2  # the edge is steepest where the samples this many places before and after differ most
+LEAST_TAIL = 0.05  # samples darker than this share of the brightness at the steepest place are taken as background
 OWN_BLUR = 0.85  # pixels, sigma that pixels, interpolation and errors of the outline add to the blur that is estimated
 SMOOTH = 0.04  # relative deviation of the brightness along a ray from diffuse light, as by a mark, that divides a point's weight by four
 CONTRAST = 0.06  # least contrast of a ball, relative to full scale: 15 of 255 grey levels
@@ -69,7 +69,7 @@ def ray_direction(k: int) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def blur_scale(blur: float) -> float:
-    """Return the factor on all distances along a ray for an image with a blur (sigma, pixels); 1 for a sharp image."""
+    """Return the factor by which distances along a ray are multiplied in an image with this blur (sigma, pixels); 1 for a sharp image."""
     return max(1.0, blur / SCANNED_BLUR)
 
 
@@ -147,7 +147,7 @@ def edge_blur(image: np.ndarray, points: np.ndarray) -> float:
         points: (n,) OUTLINE_POINT, the outline in this image.
 
     Returns:
-        The blur, at most MOST_BLUR; BLUR for a sharp image, and for an outline that tells nothing.
+        The blur, at most MOST_BLUR; BLUR for a sharp image, and if there are no usable outline points.
     """
     profile = np.empty(int((BLUR_REACH + BLUR_DEPTH) / SAMPLE_STEP) + 1)
     total, height, width = np.zeros(len(profile)), image.shape[0], image.shape[1]
@@ -168,12 +168,12 @@ def edge_blur(image: np.ndarray, points: np.ndarray) -> float:
         if total[i + STEEP] - total[i - STEEP] > rise:
             steepest, rise = i, total[i + STEEP] - total[i - STEEP]
     level, i, area = total[steepest], steepest, 0.5 * total[steepest]
+    if level <= 0.0:
+        return BLUR
     while i > 0 and total[i - 1] > LEAST_TAIL * level:
         i -= 1
         area += total[i]
-    if level <= 0.0:
-        return BLUR
-    # of a blurred step: the level is half of the step, and the area is sigma / sqrt(2 pi) times the step
+    # For a step of height h that is blurred by sigma, `level` is h / 2, and `area` times the sample distance is h sigma / sqrt(2 pi).
     blur = SAMPLE_STEP * area / level * math.sqrt(0.5 * math.pi)
     blur = math.sqrt(max(0.0, blur * blur - OWN_BLUR * OWN_BLUR))
     return min(blur, MOST_BLUR) if blur > MOST_SHARP_BLUR else BLUR
@@ -259,7 +259,9 @@ def _brightness_inside(profile: Array, edge: float, outer: float, radius: float,
     near, deep, step = scale * INSIDE[0], scale * INSIDE[1], SAMPLE_STEP * scale
     n, sx, sxx, sy, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(max(0, int((outer - edge + near) / step) + 1), min(int((outer - edge + deep) / step), len(profile))):
-        x = math.sqrt(2.0 * (step * i - outer + edge) / radius)  # cosine to the line of sight: diffuse light is linear in it
+        x = math.sqrt(
+            2.0 * (step * i - outer + edge) / radius
+        )  # cosine between normal and line of sight; diffuse brightness is linear in it
         y = profile[i]
         n, sx, sxx, sy, sxy, syy = n + 1, sx + x, sxx + x * x, sy + y, sxy + x * y, syy + y * y
     if n < 4:

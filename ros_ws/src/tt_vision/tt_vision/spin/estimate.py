@@ -80,13 +80,13 @@ class SpinEstimate:
             bound = LEAST_DISTINCTNESS * found.residual
             reason = Failure(SpinReason.INDISTINCT, distinctness=found.distinctness, bound=bound)
             return cls.refused(reason, found.residual, found.candidates)
-        if not len(found.alternatives):
-            reason = Failure(SpinReason.INCONSISTENT, disparity=found.disparity, bound=MOST_DISPARITY)
-            return cls.refused(reason, found.residual, found.candidates)
-        spins = np.array([found.spin, *found.alternatives])
-        speeds = ", ".join(f"{speed:.0f}" for speed in np.linalg.norm(spins, axis=1))
-        refused = cls.refused(Failure(SpinReason.AMBIGUOUS, count=len(spins), speeds=speeds), found.residual, found.candidates)
-        return replace(refused, alternatives=spins)
+        if len(found.alternatives):
+            spins = np.array([found.spin, *found.alternatives])
+            speeds = ", ".join(f"{speed:.0f}" for speed in np.linalg.norm(spins, axis=1))
+            refused = cls.refused(Failure(SpinReason.AMBIGUOUS, count=len(spins), speeds=speeds), found.residual, found.candidates)
+            return replace(refused, alternatives=spins)
+        reason = Failure(SpinReason.INCONSISTENT, disparity=found.disparity, bound=MOST_DISPARITY)
+        return cls.refused(reason, found.residual, found.candidates)
 
     @classmethod
     def without_covariance(cls, spin: Array, residual: float, iterations: int) -> SpinEstimate:

@@ -15,7 +15,7 @@ Four numbers decide whether a registration is believed:
 - The rivals are other spins, refined in the same way, that may fit as well. Those far from the spin found come from the search, those near
   it from `with_near_rivals`.
 - The distinctness is the increase of the disagreement when the spin changes.
-- The disparity is the difference between the spins that halves of the images tell: those of either camera, and the early and late ones.
+- The disparity is the difference between spins that are measured with either camera alone, or with the early and the late frames alone.
 """
 
 from __future__ import annotations
@@ -62,8 +62,10 @@ DISTINCT = 30.0  # distinctness above which near rivals are not searched: of 82 
 # direction in which it rises least: 1 in 20 of the bursts with near rivals had such a rise
 DISTINCT_STEP = 8.0
 NEAR_POINTS = 400  # number of points on the ball in the search for near rivals
-MOST_DISPARITY = 0.04  # rad per frame, 340 rpm at 900 frames per second; where near rivals are searched, a larger disparity refuses a third
-# of the spins that are wrong by more than 300 rpm, and 1 in 50 of the others
+MOST_DISPARITY = (
+    0.04  # rad per frame, 340 rpm at 900 frames per second. Where near rivals are searched, this refuses 5 of 11 spins that are
+)
+# wrong by more than 300 rpm, and 1 in 60 of the others
 LEAST_HALVED = 4  # number of frames from which on the early and the late ones are compared
 
 
@@ -114,7 +116,7 @@ class Registration:
         alternatives: (m, 3) rad/s, other spins that the images do not rule out.
         distinctness: Relative increase of the mean squared error of the brightness if the spin changes by NEAR_RIVALS[0] rad per frame in
             the direction in which the increase is least; computed from derivatives. It is infinite until `with_near_rivals` computes it.
-        disparity: rad per frame, largest difference between the spins that two halves of the images tell. It is 0 if it was not computed.
+        disparity: rad per frame, largest difference of the spins measured with halves of the images. It is 0 if it was not computed.
     """
 
     spin: Array
@@ -138,7 +140,7 @@ class Registration:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether halves of the images tell nearly the same spin."""
+        """Whether nearly the same spin is measured with each half of the images."""
         return self.disparity <= MOST_DISPARITY
 
     @property
@@ -289,9 +291,9 @@ def with_near_rivals(surface: SurfaceMap, found: Registration) -> Registration:
 
 
 def _disparity(spin: Array, points: np.ndarray, images: MarkImages) -> float:
-    """Return the largest difference (rad per frame) between the spins that two halves of the images tell.
+    """Return the largest difference (rad per frame) between the spins that are measured with two halves of the images.
 
-    The halves are the images of either camera, and those of the early and of the late frames.
+    The images are halved in two ways: into those of the left and of the right camera, and into early and late frames.
 
     Args:
         spin: (3,) rad/s, spin from all images, where the refinements start.
