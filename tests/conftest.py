@@ -1,5 +1,6 @@
 """Real ROS for node tests: a domain of its own, on this machine only, every process ended."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -35,6 +36,15 @@ def pytest_xdist_make_scheduler(config, log):
             return "whole robots" if Path(file).name in WHOLE_ROBOTS else file
 
     return Scheduling(config, log)
+
+
+def pytest_configure():
+    gc.disable()  # until the tests are collected: modules and test items stay, and to search them for garbage takes a third of the time
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from refusals import check_named
-from tt_bringup.parameters import NODE_PROGRAMS, OF_MIDDLEWARE, as_markdown, as_yaml, collect
+from tt_bringup.parameters import OF_MIDDLEWARE, as_markdown, as_yaml, collect
 from tt_core.errors import TtError
 from tt_tools import packages
 from tt_tools.parameter_client import ParameterClient
@@ -36,8 +36,8 @@ def test_file_and_reference_hold_every_parameter_of_every_node(declared):
 
 
 def test_every_parameter_tells_its_meaning_and_its_bounds(declared):
-    for node in NODE_PROGRAMS:
-        for one in declared[node]:
+    for node, parameters in declared.items():
+        for one in parameters:
             numeric = isinstance(one.value, (int, float)) and not isinstance(one.value, bool)
             bounded = one.descriptor.integer_range or one.descriptor.floating_point_range or one.descriptor.additional_constraints
             assert one.descriptor.description and (bounded or not numeric), f"{node}: {one.name}"

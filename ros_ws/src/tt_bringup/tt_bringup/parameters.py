@@ -1,13 +1,11 @@
 """Write the parameters of all nodes to the files that hold them: python -m tt_bringup.parameters CONFIG.yaml REFERENCE.md.
 
-Names, values, units, meanings and ranges are asked of the running nodes, so the files hold what `ros2 param describe` tells.
+Names, values, units, meanings and ranges are read from nodes made for this, so the files hold what `ros2 param describe` tells.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
 import tempfile
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -19,35 +17,28 @@ import rclpy
 import yaml
 from domain_coordinator import domain_id
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
+from tt_arm.arm_node import ArmNode
 from tt_core.ros.params import parameter_descriptor
-from tt_tools.packages import executable
-from tt_tools.parameter_client import ParameterClient
+from tt_predict.predict_node import PredictNode
+from tt_racket.racket_node import RacketNode
+from tt_sim.sim_node import SimNode
 from tt_tools.play_node import BagPlayParams
 from tt_tools.record_node import RecordParams
+from tt_vision.camera_node import CameraNode
+from tt_vision.estimate_node import EstimateNode
 from tt_vision.rig import SIDES
+from tt_vision.track_node import TrackNode
 
-from .view_node import ViewParams
+from .learn_node import LearnNode
+from .marker_node import MarkerNode
+from .view_node import ViewNode, ViewParams
 
-NODE_PROGRAMS = {
-    "sim": ("tt_sim", "sim_node"),
-    "camera": ("tt_vision", "camera_node"),
-    "estimate": ("tt_vision", "estimate_node"),
-    "track": ("tt_vision", "track_node"),
-    "predict": ("tt_predict", "predict_node"),
-    "racket": ("tt_racket", "racket_node"),
-    "arm": ("tt_arm", "arm_node"),
-    "learn": ("tt_bringup", "learn_node"),
-    "markers": ("tt_bringup", "marker_node"),
-    "view": ("tt_bringup", "view_node"),
-}
+NODES = (SimNode, CameraNode, EstimateNode, TrackNode, PredictNode, RacketNode, ArmNode, LearnNode, MarkerNode, ViewNode)
 # parameters that are NaN in the file, which stands for the value of the physical model, of the world or of the arm file
 MODEL_PREFIXES = ("air.", "table.", "racket.", "plant.")
 OF_ARM = ("x_low", "x_high", "y_low", "y_high", "z_low", "z_high", "racket_speed", "command_timeout", "swing.command_timeout")
 OF_MIDDLEWARE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-NODE_TIMEOUT = 120.0  # s, longest wait for a node to answer: its first start compiles kernels
 
 
 @dataclass(slots=True)
@@ -65,23 +56,11 @@ class Declared:
     descriptor: ParameterDescriptor
 
 
-def ask(node: Node, name: str) -> list[Declared]:
-    """Ask a running node for all its parameters except those of the middleware.
-
-    Args:
-        node: Node that sends the requests.
-        name: Name of the node that is asked.
-
-    Returns:
-        The parameters, sorted by name.
-
-    Raises:
-        TtError: The node does not answer within NODE_TIMEOUT s.
-    """
-    client = ParameterClient(node, name, NODE_TIMEOUT)
-    names = [n for n in client.names() if not n.startswith(OF_MIDDLEWARE)]
-    values = map(parameter_value_to_python, client.values(names))
-    return [Declared(*row) for row in zip(names, values, client.descriptors(names), strict=True)]
+def of_node(node: Node) -> list[Declared]:
+    """Return all parameters of a node except those of the middleware, sorted by name."""
+    names = sorted(name for name in node.get_parameters_by_prefix("") if not name.startswith(OF_MIDDLEWARE))
+    values = (one.value for one in node.get_parameters(names))
+    return [Declared(*row) for row in zip(names, values, node.describe_parameters(names), strict=True)]
 
 
 def as_yaml(nodes: dict[str, list[Declared]]) -> str:
@@ -137,30 +116,24 @@ def of_class(kind: type) -> list[Declared]:
 
 
 def collect() -> dict[str, list[Declared]]:
-    """Start all nodes with their default parameters, ask each for its parameters, and end the nodes.
+    """Make all nodes with their default parameters in this process, and read their parameters.
 
     Returns:
         The parameters of each node, by its name.
     """
+    made = list[Node]()
     with tempfile.TemporaryDirectory() as folder, domain_id() as domain:
         for side in SIDES:  # the camera node ends without an image
             cv2.imwrite(f"{folder}/{side}_0.000000.png", np.zeros((8, 8), np.uint8))
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-        given = {"camera": ["--ros-args", "-p", f"path:={folder}"], "view": ["--ros-args", "-p", "port:=0"]}
-        started = [subprocess.Popen([executable(*place), *given.get(name, ())]) for name, place in NODE_PROGRAMS.items()]
-        rclpy.init()
-        node, executor = rclpy.create_node("parameters"), SingleThreadedExecutor()
-        executor.add_node(node)
+        rclpy.init(args=["--ros-args", "-p", f"camera:path:={folder}", "-p", "view:port:=0"], domain_id=domain)
         try:
-            nodes = {name: ask(node, name) for name in NODE_PROGRAMS}
+            for make in NODES:
+                made.append(make())
+            nodes = {node.get_name(): of_node(node) for node in made}
         finally:
-            executor.shutdown()
-            node.destroy_node()
+            for node in made:
+                getattr(node, "close", lambda: None)()
             rclpy.try_shutdown()
-            for process in started:
-                process.terminate()
-            for process in started:
-                process.wait()
     for one in nodes["camera"] + nodes["view"]:
         one.value = {"path": "", "port": ViewParams.port}.get(one.name, one.value)
     return nodes | {"record": of_class(RecordParams), "play": of_class(BagPlayParams)}

@@ -29,7 +29,7 @@ from ..exit_timer import end_by_signal
 from ..priority import ORDINARY, Priority, set_nice, set_realtime
 from ..revision import package_version
 from ..shared_memory import SMALL_SEGMENT, set_segment
-from ..start import SIGNALS, default_signals
+from ..start import SIGNALS, USUAL_THRESHOLD, default_signals
 from .params import changed_parameters
 from .presence import Presence
 from .restart import changeable_parameters, restart, watch_standstill
@@ -193,8 +193,8 @@ def _made(make: Callable[[], Node]) -> Node | None:
 
 
 def _spin(node: Node, asked: Future) -> None:
-    gc.collect()
     gc.freeze()  # what is there now lives as long as the node; to look through it again and again takes 50 ms each time
+    gc.set_threshold(*USUAL_THRESHOLD)
     executor = EventsExecutor()
     try:
         executor.add_node(node)
