@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from nav_msgs.msg import Odometry
 from refusals import refused
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from tt_core.errors import BadMessage, BadShape, TtError
@@ -56,12 +57,28 @@ def test_goals(x, y, flight_time, spin_y, spin_z):
 @given(st.lists(st.tuples(vectors, vectors, st.floats(-1.4, 1.4), st.floats(-3.1, 3.1)), max_size=4))
 def test_strokes_keep_their_order(rows):
     rackets = [RacketState(100.0 + 0.1 * i, p, v, alpha, beta) for i, (p, v, alpha, beta) in enumerate(rows)]
-    again = convert.strokes_from_message(convert.strokes_to_message(rackets, 99.5))
+    message = convert.strokes_to_message(rackets, 99.5)
+    again = convert.strokes_from_message(message)
     assert len(again) == len(rackets)
+    for one, point in zip(rackets, message.points, strict=True):
+        q = point.transforms[0].rotation
+        orientation = Rotation.from_euler("xy", (one.alpha, one.beta))  # of the class RacketState
+        assert (orientation * Rotation.from_quat([q.x, q.y, q.z, q.w]).inv()).magnitude() == pytest.approx(0.0, abs=1e-9)
     for one, other in zip(rackets, again, strict=True):
         assert other.time == pytest.approx(one.time, abs=1e-7)
         assert np.concatenate([other.position, other.velocity]) == pytest.approx(np.concatenate([one.position, one.velocity]), abs=0.0)
         assert other.normal == pytest.approx(one.normal, abs=1e-9)  # a quaternion of doubles
+
+
+def test_the_length_of_a_quaternion_does_not_matter():
+    """The bound of the conversion is 0.1 %."""
+    message = convert.strokes_to_message([RacketState(100.0, np.zeros(3), np.zeros(3), 0.3, 1.2)], 99.5)
+    rotation = message.points[0].transforms[0].rotation
+    (one,) = convert.strokes_from_message(message)
+    for name in "xyzw":
+        setattr(rotation, name, 1.0009 * getattr(rotation, name))
+    (other,) = convert.strokes_from_message(message)
+    assert other.normal == pytest.approx(one.normal, abs=1e-9)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

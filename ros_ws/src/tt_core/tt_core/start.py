@@ -14,7 +14,7 @@ from .shared_memory import check_room, remove_leftovers
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 USUAL_THRESHOLD = gc.get_threshold()  # number of new objects after which Python searches them for garbage, and so on
-START_THRESHOLD = 100_000  # the same until a node is made: few of its objects are garbage, and with 700 the search takes a fifth of the start
+START_THRESHOLD = 100_000  # the same until a node is made: few objects are garbage, and with 700 the search takes a fifth of the start
 
 
 def default_signals() -> None:

@@ -23,6 +23,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -298,7 +299,8 @@ class SimNode(Node):
             balls.append(tick.ball)
             if has_subscribers(self.true_racket):
                 racket = tick.racket
-                self.publish(self.true_racket, racket_to_message, tick.joints.time, racket.position, racket.rotation, racket.velocity)
+                quaternion = Rotation.from_matrix(racket.rotation).as_quat()
+                self.publish(self.true_racket, racket_to_message, tick.joints.time, racket.position, quaternion, racket.velocity)
         if has_subscribers(self.true_ball):
             for ball in balls:
                 self.publish_ball(ball)

@@ -15,7 +15,6 @@ from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry, Path
 from rclpy.serialization import deserialize_message
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint, MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
@@ -329,11 +328,23 @@ def strokes_to_bytes(rackets: Sequence[RacketState], time: float) -> bytes:
         stamp(time),
         np.array(after),
         _bounded("position", [racket.position for racket in rackets] or np.empty((0, 3)), (count, 3), PLACE),
-        Rotation.from_euler("xy", angles).as_quat() if count else np.empty((0, 4)),
+        _quaternions(angles),
         _bounded("velocity", [racket.velocity for racket in rackets] or np.empty((0, 3)), (count, 3), LARGEST_BALL_SPEED),
         np.zeros((count, 3)),
     )
     return rows_to_bytes("racket", rows)
+
+
+def _quaternions(angles: Array) -> Array:
+    """Return the quaternions (n, 4), in the order x, y, z, w, of Ry(beta) Rx(alpha). angles: (n, 2) rad, alpha and beta."""
+    (sin_a, sin_b), (cos_a, cos_b) = np.sin(angles.T / 2.0), np.cos(angles.T / 2.0)
+    return np.stack([sin_a * cos_b, cos_a * sin_b, -sin_a * sin_b, cos_a * cos_b], axis=1)
+
+
+def _normals(quaternions: Array) -> Array:
+    """Return the third columns (n, 3) of the rotation matrices of quaternions (n, 4) of any length, in the order x, y, z, w."""
+    x, y, z, w = quaternions.T / np.linalg.norm(quaternions, axis=1)
+    return np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w + z * z - x * x - y * y], axis=1)
 
 
 def strokes_to_message(rackets: Sequence[RacketState], time: float) -> MultiDOFJointTrajectory:
@@ -373,7 +384,7 @@ def _strokes(rows: TrajectoryRows) -> StampedStrokes:
     times = (start + rows.after).tolist()
     positions = _bounded("position", rows.translations, (-1, 3), PLACE)
     velocities = _bounded("velocity", rows.linear, (-1, 3), LARGEST_BALL_SPEED)
-    alphas, betas = RacketState.angles(Rotation.from_quat(rows.rotations).as_matrix()[:, :, 2])
+    alphas, betas = RacketState.angles(_normals(rows.rotations))
     return StampedStrokes(start, list(map(RacketState.trusted, times, positions, velocities, alphas.tolist(), betas.tolist())))
 
 
@@ -399,13 +410,13 @@ def pixel_from_message(message: PointStamped) -> tuple[float, Array]:
     return stamp_seconds(message.header.stamp), _bounded("pixel", [message.point.x, message.point.y], (2,), PIXEL)
 
 
-def racket_to_message(time: float, position: Array, rotation: Array, velocity: Array, message: Odometry | None = None) -> Odometry:
+def racket_to_message(time: float, position: Array, quaternion: Array, velocity: Array, message: Odometry | None = None) -> Odometry:
     """Return position, orientation and velocity of the racket as a message.
 
     Args:
         time: s.
         position: (3,) m, centre of the face in `table`.
-        rotation: (3, 3) from the racket's frame to `table`.
+        quaternion: (4,) x, y, z, w of the rotation from the racket's frame to `table`.
         velocity: (3,) m/s in `table`, as for the ball.
         message: The message to fill; a new one if None.
     """
@@ -415,7 +426,7 @@ def racket_to_message(time: float, position: Array, rotation: Array, velocity: A
     stamp(time, message.header.stamp)
     _fill(message.pose.pose.position, position)
     q = message.pose.pose.orientation
-    q.x, q.y, q.z, q.w = Rotation.from_matrix(rotation).as_quat()
+    q.x, q.y, q.z, q.w = quaternion.tolist()
     _fill(message.twist.twist.linear, velocity)
     return message
 
