@@ -85,13 +85,13 @@ def test_the_folder_is_the_arm(tmp_path):
 
 @needs_data
 def test_a_search_goes_on_where_it_was_interrupted(tmp_path):
-    task, file = SearchTask(str(URDF), FILE, ("base", "mount"), count=5), tmp_path / "search.jsonl"
+    task, file = SearchTask(str(URDF), FILE, ("base", "mount"), count=4), tmp_path / "search.jsonl"
     done = search_placements(task, file, workers=1)
-    assert len(done) == 5 and done[0].placement == Placement.of(FILE) and done[0].score.rallies > 0.9
+    assert len(done) == 4 and done[0].placement == Placement.of(FILE) and done[0].score.rallies > 0.9
     lines = file.read_text().splitlines()
-    file.write_text("\n".join([*lines[:4], lines[4][:40]]))  # interrupted while it wrote
+    file.write_text("\n".join([*lines[:3], lines[3][:40]]))  # interrupted while it wrote
     again = search_placements(task, file, workers=1)
-    assert again[:3] == done[:3] and len(again) == 5
+    assert again[:2] == done[:2] and len(again) == 4
     with pytest.raises(OtherSearch):
         search_placements(replace(task, kept=("base",)), file)
 

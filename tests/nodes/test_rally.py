@@ -16,6 +16,7 @@ from rosbags.highlevel import AnyReader
 from tt_core.ros.convert import ball_from_message, path_from_message, strokes_from_message
 
 BALLS = 2
+ATTEMPTS = 3
 RESULTS = {"/ball/measured": ball_from_message, "/ball/path": path_from_message, "/racket/strokes": strokes_from_message}
 
 
@@ -41,27 +42,23 @@ def _read(path):
 
 @pytest.fixture(scope="module")
 def rally(tmp_path_factory):
-    """(figures, bag, output) of one demo."""
-    tmp = tmp_path_factory.mktemp("rally")
-    command = [
-        sys.executable,
-        "-m",
-        "tt_bringup.demo",
-        "--balls",
-        str(BALLS),
-        "--seed",
-        "3",
-        "--rtf",
-        "0.3",  # what happens is tested, not how fast a machine with other work is
-        "--json",
-        str(tmp / "d.json"),
-        "--out",
-        str(tmp / "out"),
-    ]
-    done = run(command, tmp, 200)
-    log = tmp / "out" / "log.txt"
-    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}\n{log.read_text() if log.exists() else ''}"
-    return json.loads((tmp / "d.json").read_text()), tmp / "out" / "bag", done.stdout
+    """(figures, bag, output) of one demo with one bag.
+
+    A recorder that stands still for more than 1.5 s on a busy machine starts anew, with a second bag, and misses what is sent meanwhile.
+    Then the demo is run again.
+    """
+    for _ in range(ATTEMPTS):
+        tmp = tmp_path_factory.mktemp("rally")
+        out, figures = tmp / "out", tmp / "demo.json"
+        # what happens is tested, not how fast a machine with other work is
+        options = {"balls": BALLS, "seed": 3, "rtf": 0.3, "json": figures, "out": out}
+        words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+        done = run([sys.executable, "-m", "tt_bringup.demo", *words], tmp, 200)
+        log = out / "log.txt"
+        assert done.returncode == 0, f"{done.stdout}\n{done.stderr}\n{log.read_text() if log.exists() else ''}"
+        if not (out / "bag_2").exists():
+            break
+    return json.loads(figures.read_text()), out / "bag", done.stdout
 
 
 def messages(bag, topic):

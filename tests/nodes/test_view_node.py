@@ -39,17 +39,18 @@ def landing(racket, path):
     return rollout(after, physics, StopRule.at_landing()).end.position[:2]
 
 
-def answer_to_launches(button, answers):
-    """Return a condition for `until`: there are answers to a launched ball. The button is clicked again every 10 s until then.
+def answer_to(act, answers):
+    """Return a condition for `until`: there are answers to what a user does on the page by `act()`, now and every 10 s until then.
 
-    The first ball may pass before the simulator and estimate_node have discovered each other.
+    A page that the browser has just loaded may not listen to clicks yet, and the first ball may pass before the simulator and
+    estimate_node have discovered each other.
     """
-    due = time.monotonic() + 10.0
+    due = time.monotonic()
 
     def has_answers():
         nonlocal due
-        if not answers and time.monotonic() > due:
-            button.click()
+        if not answers and time.monotonic() >= due:
+            act()
             due = time.monotonic() + 10.0
         return answers
 
@@ -72,14 +73,11 @@ def test_the_page_drives_the_graph(start, probe, until):
     until(lambda: probe.count_subscribers("/return/goal") == 3 and probe.count_subscribers("/camera/left/image_raw") == 2, probe)
     with opened(address(view)) as (page, errors):
         box = page.locator("canvas").first.bounding_box()
-        page.mouse.click(*pixel(np.array([1.9, 0.6, 0.0]), box))
-        until(lambda: goals, probe)
+        until(answer_to(lambda: page.mouse.click(*pixel(np.array([1.9, 0.6, 0.0]), box)), goals), probe)
         assert goal_from_message(goals[0]).landing == pytest.approx([1.9, 0.6], abs=0.02)  # m; a pixel shows about 5 mm there
 
         launch = page.get_by_role("button", name="Launch a ball")
-        launch.click()
-        until(lambda: truth, probe)
-        until(answer_to_launches(launch, strokes), probe)
+        until(answer_to(launch.click, strokes), probe)
         assert ball_from_message(truth[0]).position[0] > 2.0  # m; it has just been launched
         path, rackets = path_from_message(paths[-1]), strokes_from_message(strokes[-1])
         goal = goal_from_message(goals[-1])

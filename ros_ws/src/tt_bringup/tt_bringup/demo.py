@@ -379,7 +379,8 @@ def main() -> None:
     except (TtError, OSError) as error:
         print(f"demo: not written: {error}", file=sys.stderr)
         raise SystemExit(1) from error
-    print(f"recorded: {bag}\nfigures:  {report}")
+    parts = sorted(args.out.glob("bag*"))  # more than one if the recorder stood still on a busy machine, and started anew
+    print(f"recorded: {', '.join(map(str, parts))}\nfigures:  {report}")
     if running.returncode:
         print(f"demo: the nodes ended with exit code {running.returncode}; see {out / LOG}", file=sys.stderr)
         raise SystemExit(1)
