@@ -200,25 +200,26 @@ def test_the_arm_does_what_it_is_told(start, probe, until):
     assert states[-1].velocity[:6] == pytest.approx([0.0] * 6, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("last", "failure"),
-    [
-        (None, Failure(SimFailure.NO_COMMAND)),
-        ([1.0, 2.0], Failure(ValueFailure.BAD_SHAPE, shape=(2,))),
-        ([np.nan] * 7, Failure(ValueFailure.NOT_FINITE)),
-        ([np.inf] * 7, Failure(ValueFailure.NOT_FINITE)),
-        ([1e17] * 7, Failure(ValueFailure.OUT_OF_RANGE, value=1e17)),
-        ([0.0] * 1000, Failure(MessageFailure.TOO_LARGE)),
-    ],
-    ids=["nothing", "two numbers", "NaN", "infinite", "1e17", "oversize"],
-)
-def test_without_good_commands_the_drives_brake(last, failure, start, probe, until):
+def test_without_good_commands_the_drives_brake(start, probe, until):
+    """Until there are good ones again."""
     start("tt_sim.sim_node")
     out, states, statuses = commanded(probe, until, -1.0)
-    first = len(states)
-    until(lambda: brakes(states, first) or (last and out.publish(Float64MultiArray(data=last))), probe)
-    until(lambda: is_told(failure, statuses), probe)
-    keep_moving(probe, until, states, out, -0.5)
+
+    def brake_and_go_on(last, failure):
+        """The last command while the joint moves backwards, and what is told of it; None for no further command."""
+        keep_moving(probe, until, states, out, -1.0)
+        statuses.clear()
+        first = len(states)
+        until(lambda: brakes(states, first) or (last and out.publish(Float64MultiArray(data=last))), probe)
+        until(lambda: is_told(failure, statuses), probe)
+        keep_moving(probe, until, states, out, 0.5)
+
+    brake_and_go_on(None, Failure(SimFailure.NO_COMMAND))
+    brake_and_go_on([1.0, 2.0], Failure(ValueFailure.BAD_SHAPE, shape=(2,)))
+    brake_and_go_on([np.nan] * 7, Failure(ValueFailure.NOT_FINITE))
+    brake_and_go_on([np.inf] * 7, Failure(ValueFailure.NOT_FINITE))
+    brake_and_go_on([1e17] * 7, Failure(ValueFailure.OUT_OF_RANGE, value=1e17))
+    brake_and_go_on([0.0] * 1000, Failure(MessageFailure.TOO_LARGE))
 
 
 def test_two_who_command_are_both_refused_by_name(start, probe, until):
