@@ -3,21 +3,23 @@
 import fcntl
 import mmap
 import os
+import time
 from contextlib import ExitStack
 
 import pytest
-from tt_core.shared_memory import check_room, remove_leftovers
+from tt_core.shared_memory import LEAST_AGE, check_room, remove_leftovers
 
 PORT, SEGMENT = "fastrtps_port7661", "fastrtps_055e4749680e0f2f"
 
 
 @pytest.fixture
 def files(tmp_path):
-    """Return a function that creates files of given names in an empty folder and returns the folder."""
+    """Return a function that creates files of given names, of the age LEAST_AGE, in an empty folder and returns the folder."""
 
     def make(*names):
         for name in names:
             (tmp_path / name).write_bytes(bytes(4096))
+            os.utime(tmp_path / name, 2 * (time.time() - LEAST_AGE,))
         return tmp_path
 
     return make
@@ -42,6 +44,14 @@ def test_a_file_in_use_stays(files, marked):
         assert remove_leftovers(folder) == []
         assert names(folder) == before
     assert remove_leftovers(folder) == [PORT]
+
+
+def test_a_file_that_may_just_be_created_stays(files):
+    """A participant that has created it, but has not mapped it yet, would get no messages."""
+    folder = files(PORT)
+    os.utime(folder / PORT)
+    assert remove_leftovers(folder) == []
+    assert names(folder) == [PORT]
 
 
 def test_a_file_whose_participant_lives_stays(files):

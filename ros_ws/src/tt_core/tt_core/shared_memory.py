@@ -7,6 +7,7 @@ import os
 import re
 import stat
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ LEAST_FREE = 2**16  # bytes that must be free in SHARED_MEMORY for a node to sta
 SEGMENT_VARIABLE = "TT_SEGMENT_SIZE"  # environment variable that config/fastdds.xml reads
 SMALL_SEGMENT = 2**20  # bytes, for a process that sends no images
 IMAGE_SEGMENT = 40 * 2**20  # bytes, for a process that sends images, see `set_segment`
+LEAST_AGE = 5.0  # s, for which a participant may create a file before it has mapped and locked it; on a quiet machine it takes 1 ms
 FILE = re.compile(r"fastrtps_(port\d+|[0-9a-f]{16})")  # a port at which a participant of Fast DDS receives, or the data that it sends
 
 
@@ -51,7 +53,8 @@ def remove_leftovers(folder: Path = SHARED_MEMORY) -> list[str]:
     A node that is killed leaves its files, about 0.6 MB. If nodes are started and killed again and again, these fill the shared memory of a
     container, 64 MB. Each file has a lock file, whose name ends with `_el`; its owner holds the lock as long as it lives. A file is left
     over if nobody holds its lock and no process whose memory map can be read has mapped it. This function holds the lock while it checks,
-    so that no new participant can begin to use the file.
+    so that no new participant can begin to use the file. A file younger than LEAST_AGE may be one that a participant is just creating.
+    Without this file nothing that others send would reach the participant, so it stays.
 
     Args:
         folder: Folder of the files.
@@ -73,11 +76,12 @@ def remove_leftovers(folder: Path = SHARED_MEMORY) -> list[str]:
 
 
 def _own_files(folder: Path) -> list[Path]:
-    files = []
+    files, newest = [], time.time() - LEAST_AGE
     for path in folder.glob("fastrtps_*"):
         with suppress(OSError):
             status = path.lstat()
-            if FILE.fullmatch(path.name) and stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid():
+            is_own = FILE.fullmatch(path.name) and stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid()
+            if is_own and status.st_mtime < newest:
                 files.append(path)
     return files
 
