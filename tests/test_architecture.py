@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -23,9 +24,15 @@ MESSAGES = ("rosgraph", "sensor", "nav", "geometry", "std", "trajectory", "diagn
 ROS = {"rclpy", "std_srvs", *(f"{name}_msgs" for name in MESSAGES)}
 
 
+@cache
+def parsed(path):
+    """The syntax tree of a file, which several tests walk through."""
+    return ast.parse(path.read_text())
+
+
 def modules(path):
     """Full names of all modules of other packages that a file imports, wherever in it."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -72,7 +79,7 @@ def test_the_truth_is_known_to_the_simulator_only(path):
     shown = "tt_bringup/tt_bringup/report/run_record.py", "tt_bringup/tt_bringup/view_node.py"
     if relative(path).startswith("tt_sim/") or relative(path) in shown:
         return
-    strings = {n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    strings = {n.value for n in ast.walk(parsed(path)) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
     assert not any(text.startswith(("/sim/", "sim/")) for text in strings)
 
 
@@ -89,8 +96,8 @@ def test_a_node_has_an_executable(path):
 
 @pytest.mark.parametrize("path", [*FILES, *SRC.glob("tt_*/launch/*.yaml")], ids=relative)
 def test_every_file_says_what_it_is(path):
-    text = path.read_text()
-    assert text.startswith("#") if path.suffix == ".yaml" else ast.get_docstring(ast.parse(text)), f"{path} has no first line about itself"
+    is_told = path.read_text().startswith("#") if path.suffix == ".yaml" else ast.get_docstring(parsed(path))
+    assert is_told, f"{path} has no first line about itself"
 
 
 REASONS = {"reason", "reasons", "why", "failure", "failures", "error", "sentence", "trouble", "cause", "message", "messages"}
@@ -165,7 +172,7 @@ TESTS = sorted((SRC.parents[1] / "tests").rglob("*.py"))
 
 @pytest.mark.parametrize("path", [*FILES, *TESTS], ids=lambda path: path.relative_to(SRC.parents[1]).as_posix())
 def test_nothing_decides_on_the_words_of_a_reason(path):
-    tree = ast.parse(path.read_text())
+    tree = parsed(path)
     known = exempt(path.relative_to(SRC.parents[1]).as_posix(), tree)
     assert not [node.lineno for node in decides_on_words(tree) if node not in known]
 
@@ -203,7 +210,7 @@ STAGES = {  # of the measurement, in their order; `measure` and `first_estimate`
 
 @pytest.mark.parametrize("path", sorted((SRC / "tt_vision" / "tt_vision").rglob("*.py")), ids=relative)
 def test_a_stage_of_the_measurement_calls_no_other(path):
-    calls = {ast.unparse(node.func) for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)}
+    calls = {ast.unparse(node.func) for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)}
     if path.name == "measure.py":
         assert len(calls & STAGES) > 8
     elif path.name != "first_estimate.py":
@@ -216,6 +223,6 @@ def parameters(node):
 
 @pytest.mark.parametrize("path", FILES, ids=relative)
 def test_no_function_takes_more_than_eight_parameters(path):
-    functions = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)]
+    functions = [node for node in ast.walk(parsed(path)) if isinstance(node, ast.FunctionDef)]
     many = {f"{f.name}:{f.lineno}" for f in functions if len([p for p in parameters(f) if p.arg not in ("self", "cls")]) > 8}
     assert not many
