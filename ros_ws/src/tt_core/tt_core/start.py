@@ -13,8 +13,6 @@ from pathlib import Path
 from .shared_memory import check_room, remove_leftovers
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-USUAL_THRESHOLD = gc.get_threshold()  # number of new objects after which Python searches them for garbage, and so on
-START_THRESHOLD = 100_000  # the same until a node is made: few objects are garbage, and with 700 the search takes a fifth of the start
 
 
 def default_signals() -> None:
@@ -51,10 +49,9 @@ def start(module: str) -> None:
     if module.endswith("_node") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         print_help(module)
         return
-    gc.disable()
+    gc.disable()  # what imports make stays, and to search it for garbage again and again takes an eighth of their time
     main = importlib.import_module(module).main
-    gc.freeze()  # what imports made stays
-    gc.set_threshold(START_THRESHOLD)
+    gc.freeze()
     gc.enable()
     try:
         sys.exit(main())

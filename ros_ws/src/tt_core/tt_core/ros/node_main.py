@@ -29,11 +29,13 @@ from ..exit_timer import end_by_signal
 from ..priority import ORDINARY, Priority, set_nice, set_realtime
 from ..revision import package_version
 from ..shared_memory import SMALL_SEGMENT, set_segment
-from ..start import SIGNALS, USUAL_THRESHOLD, default_signals
+from ..start import SIGNALS, default_signals
 from .params import changed_parameters
 from .presence import Presence
 from .restart import changeable_parameters, restart, watch_standstill
 
+USUAL_THRESHOLD = gc.get_threshold()  # number of new objects after which Python searches them for garbage, and so on
+START_THRESHOLD = 100_000  # the same until the node is made: most of its objects stay, and with 700 the search takes an eighth of the start
 START_TIMEOUT = 120.0  # s for rclpy.init and the constructor of a node, which usually take 2 s, or 100 s if all functions must be compiled
 THREADS = 1.0  # s that the threads of a node may take to end after its context
 EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node
@@ -80,6 +82,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
     _bound_clock()
     is_nice = _set_nice(priority.nice)
     faulthandler.dump_traceback_later(START_TIMEOUT, exit=True)
+    gc.set_threshold(START_THRESHOLD)
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # RCLError: arguments of ROS that are none
