@@ -1,6 +1,7 @@
 """The parameter file holds every parameter, nodes describe theirs, and what cannot act at run time cannot be set."""
 
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -23,10 +24,18 @@ def ros2(*words):
     return done.stdout
 
 
+def ports():
+    """The files in shared memory at which participants of this process receive."""
+    return set(re.findall(r"fastrtps_port\d+", Path("/proc/self/maps").read_text()))
+
+
 @pytest.fixture(scope="module")
 def declared():
-    """All parameters as the nodes tell them, by node."""
-    return collect()
+    """All parameters as the nodes tell them, by node. The nodes are gone afterwards, also for other processes in their domain."""
+    before = ports()
+    found = collect()
+    assert ports() <= before
+    return found
 
 
 def test_file_and_reference_hold_every_parameter_of_every_node(declared):

@@ -19,6 +19,7 @@ from domain_coordinator import domain_id
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from tt_arm.arm_node import ArmNode
+from tt_core.ros.node_main import join_threads
 from tt_core.ros.params import parameter_descriptor
 from tt_predict.predict_node import PredictNode
 from tt_racket.racket_node import RacketNode
@@ -134,6 +135,9 @@ def collect() -> dict[str, list[Declared]]:
             for node in made:
                 getattr(node, "close", lambda: None)()
             rclpy.try_shutdown()
+            join_threads()
+            for node in made:
+                node.destroy_node()
     for one in nodes["camera"] + nodes["view"]:
         one.value = {"path": "", "port": ViewParams.port}.get(one.name, one.value)
     return nodes | {"record": of_class(RecordParams), "play": of_class(BagPlayParams)}

@@ -125,7 +125,7 @@ def run(make: Callable[[], Node], priority: Priority = ORDINARY, segment: int = 
         number, timeout = (received[0], EXIT_TIMEOUT) if received else (signal.SIGTERM, OWN_EXIT_TIMEOUT)
         end_by_signal(number, timeout)
         rclpy.try_shutdown()
-        _join_threads()
+        join_threads()
         _print_crashes(node, crashes)
         node.destroy_node()
     if crashes:
@@ -234,8 +234,11 @@ def _signals(asked: Future, received: list[int]) -> Iterator[None]:
             signal.raise_signal(received[-1])
 
 
-def _join_threads() -> None:
-    """Wait for the threads of the node: one that is inside a call of DDS while the interpreter ends would abort the process."""
+def join_threads() -> None:
+    """Wait for the threads of the nodes of this process, at most THREADS s, after the end of the context and before nodes are destroyed.
+
+    A thread that is inside a call of DDS while the interpreter ends would abort the process.
+    """
     end = time.monotonic() + THREADS
     for thread in threading.enumerate():
         if type(thread) is threading.Thread:
