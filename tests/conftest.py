@@ -39,7 +39,7 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_configure():
-    gc.disable()  # until the tests are collected: modules and test items stay, and to search them for garbage takes a third of the time
+    gc.disable()  # while tests are collected: modules and tests are never garbage, but searching them takes a third of the time
 
 
 def pytest_collection_finish():

@@ -59,6 +59,7 @@ def test_the_demo_takes_the_options_that_the_readme_names():
         (["--json", "/no/x.json"], "/no/x.json"),
     ],
 )
-def test_the_demo_refuses_nonsense(words, named):
-    done = subprocess.run(["python", "-m", "tt_bringup.demo", *words], capture_output=True, text=True, check=False)
+def test_the_demo_refuses_nonsense(words, named, tmp_path):
+    command = ["python", "-m", "tt_bringup.demo", *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # it may have made its output folder there
     assert done.returncode == 2 and named in done.stderr

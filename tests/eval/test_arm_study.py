@@ -89,7 +89,7 @@ def test_a_search_goes_on_where_it_was_interrupted(tmp_path):
     done = search_placements(task, file, workers=1)
     assert len(done) == 4 and done[0].placement == Placement.of(FILE) and done[0].score.rallies > 0.9
     lines = file.read_text().splitlines()
-    file.write_text("\n".join([*lines[:3], lines[3][:40]]))  # interrupted while it wrote
+    file.write_text("\n".join([*lines[:3], lines[3][:40]]))  # as if it had been interrupted while it wrote the third placement
     again = search_placements(task, file, workers=1)
     assert again[:2] == done[:2] and len(again) == 4
     with pytest.raises(OtherSearch):

@@ -206,7 +206,7 @@ def test_without_good_commands_the_drives_brake(start, probe, until):
     out, states, statuses = commanded(probe, until, -1.0)
 
     def brake_and_go_on(last, failure):
-        """The last command while the joint moves backwards, and what is told of it; None for no further command."""
+        """Send `last` (None: nothing) while the joint moves backwards until it has braked and `failure` is told, then move it forwards."""
         keep_moving(probe, until, states, out, -1.0)
         statuses.clear()
         first = len(states)

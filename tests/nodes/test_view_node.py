@@ -78,6 +78,7 @@ def test_the_page_drives_the_graph(start, probe, until):
 
         launch = page.get_by_role("button", name="Launch a ball")
         until(answer_to(launch.click, strokes), probe)
+        until(lambda: truth, probe)
         assert ball_from_message(truth[0]).position[0] > 2.0  # m; it has just been launched
         path, rackets = path_from_message(paths[-1]), strokes_from_message(strokes[-1])
         goal = goal_from_message(goals[-1])

@@ -108,7 +108,7 @@ def test_blurred_and_dim_balls_are_believed(seed):
 @pytest.mark.parametrize("seed", [2, 9])
 @pytest.mark.parametrize("blur", [1.5, 2.5])
 def test_a_blurred_ball_is_measured_too(seed, blur):
-    """Bounds: the worst of 24 scenes with 2.5 pixels of blur. Before outlines were scanned by their blur it was 4.6 mm and 0.38 m/s."""
+    """Bounds: the largest errors of 24 scenes with 2.5 pixels of blur. With scans as in sharp images they were 4.6 mm and 0.38 m/s."""
     frames, times, ball, easel = paint(seed, random_easel(np.random.default_rng(seed), blur=blur))
     result = measure(*frames, times, easel.cameras)
     assert result.reason is None

@@ -379,7 +379,7 @@ def main() -> None:
     except (TtError, OSError) as error:
         print(f"demo: not written: {error}", file=sys.stderr)
         raise SystemExit(1) from error
-    parts = sorted(args.out.glob("bag*"))  # more than one if the recorder stood still on a busy machine, and started anew
+    parts = sorted(args.out.glob("bag*"))  # a recorder that had to start anew on a busy machine has written a second bag
     print(f"recorded: {', '.join(map(str, parts))}\nfigures:  {report}")
     if running.returncode:
         print(f"demo: the nodes ended with exit code {running.returncode}; see {out / LOG}", file=sys.stderr)

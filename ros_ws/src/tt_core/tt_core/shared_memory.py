@@ -17,7 +17,7 @@ LEAST_FREE = 2**16  # bytes that must be free in SHARED_MEMORY for a node to sta
 SEGMENT_VARIABLE = "TT_SEGMENT_SIZE"  # environment variable that config/fastdds.xml reads
 SMALL_SEGMENT = 2**20  # bytes, for a process that sends no images
 IMAGE_SEGMENT = 40 * 2**20  # bytes, for a process that sends images, see `set_segment`
-LEAST_AGE = 5.0  # s, for which a participant may create a file before it has mapped and locked it; on a quiet machine it takes 1 ms
+LEAST_AGE = 5.0  # s; the participant that creates a younger file may not have mapped and locked it yet, which usually takes 1 ms
 FILE = re.compile(r"fastrtps_(port\d+|[0-9a-f]{16})")  # a port at which a participant of Fast DDS receives, or the data that it sends
 
 

@@ -49,7 +49,7 @@ def start(module: str) -> None:
     if module.endswith("_node") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         print_help(module)
         return
-    gc.disable()  # what imports make stays, and to search it for garbage again and again takes an eighth of their time
+    gc.disable()  # what imports make is never garbage, but searching it again and again takes an eighth of their time
     main = importlib.import_module(module).main
     gc.freeze()
     gc.enable()

@@ -9,7 +9,7 @@ from threading import Thread
 
 
 def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """Return an executor whose worker processes are new Python interpreters, which share no memory with this process.
+    """Return an executor that starts its worker processes as new Python interpreters, not as copies of this process.
 
     Args:
         workers: Number of processes; None: one for each core.

@@ -34,8 +34,8 @@ from .params import changed_parameters
 from .presence import Presence
 from .restart import changeable_parameters, restart, watch_standstill
 
-USUAL_THRESHOLD = gc.get_threshold()  # number of new objects after which Python searches them for garbage, and so on
-START_THRESHOLD = 100_000  # the same until the node is made: most of its objects stay, and with 700 the search takes an eighth of the start
+USUAL_THRESHOLD = gc.get_threshold()  # when Python searches for garbage: after 700 new objects, and so on
+START_THRESHOLD = 100_000  # new objects between two searches until the node is made; with 700 they take an eighth of the start
 START_TIMEOUT = 120.0  # s for rclpy.init and the constructor of a node, which usually take 2 s, or 100 s if all functions must be compiled
 THREADS = 1.0  # s that the threads of a node may take to end after its context
 EXIT_TIMEOUT = 2.0  # s that a process may take to end after a signal has ended its node

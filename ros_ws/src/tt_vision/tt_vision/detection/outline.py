@@ -19,7 +19,7 @@ SAMPLE_STEP = 0.5  # pixels between two samples along a ray in a sharp image
 BLUR = 0.7  # pixels, sigma of lens and motion at the outline of a sharp image; the outline moves by 0.02 pixels when this is off by 0.3
 MOST_SHARP_BLUR = 1.2  # pixels, sigma up to which an image counts as sharp, so that BLUR is used
 SCANNED_BLUR = 0.95  # pixels; in a blurred image the distances along a ray are multiplied by the blur divided by this
-MOST_BLUR = 3.5  # pixels, largest sigma that is estimated
+MOST_BLUR = 3.5  # pixels, largest sigma that `edge_blur` returns
 BLUR_REACH, BLUR_DEPTH = 10.0, 6.0  # pixels outside and inside the outline between which the blur is estimated
 STEEP = 2  # the edge is steepest where the samples this many places before and after differ most
 LEAST_TAIL = 0.05  # samples darker than this share of the brightness at the steepest place are taken as background
@@ -205,7 +205,7 @@ def scan_outline(
     step = SAMPLE_STEP * scale
     count = int((outer - inner) / step) + 1
     radius = 0.5 * (inner + outer)
-    mean_root = 0.41 * math.sqrt(2.0 * blur / radius)  # mean of sqrt(2 x / radius) over a normal x > 0 of sigma `blur`
+    mean_root = 0.41 * math.sqrt(2.0 * blur / radius)  # mean of sqrt(2 x / radius), if x > 0 is half-normal with scale `blur`
     profile = np.empty(count + INSIDE_SAMPLES)
     points = np.zeros(RAYS, dtype=OUTLINE_POINT)
     found = 0

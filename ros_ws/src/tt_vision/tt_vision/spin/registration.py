@@ -62,10 +62,9 @@ DISTINCT = 30.0  # distinctness above which near rivals are not searched: of 82 
 # direction in which it rises least: 1 in 20 of the bursts with near rivals had such a rise
 DISTINCT_STEP = 8.0
 NEAR_POINTS = 400  # number of points on the ball in the search for near rivals
-MOST_DISPARITY = (
-    0.04  # rad per frame, 340 rpm at 900 frames per second. Where near rivals are searched, this refuses 5 of 11 spins that are
-)
-# wrong by more than 300 rpm, and 1 in 60 of the others
+# rad per frame, 340 rpm at 900 frames per second. Of the bursts with near rivals, this refuses 5 of the 11 whose spin is wrong by more than
+# 300 rpm, and 1 in 60 of the others
+MOST_DISPARITY = 0.04
 LEAST_HALVED = 4  # number of frames from which on the early and the late ones are compared
 
 

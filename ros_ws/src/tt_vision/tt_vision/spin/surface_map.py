@@ -66,7 +66,7 @@ class MarkImages(NamedTuple):
     times: Array
 
     def only(self, chosen: np.ndarray) -> MarkImages:
-        """Return some of the images, with the times of all frames. chosen: (images,) whether to keep each image."""
+        """Return the chosen images; `times` keeps those of all frames. chosen: (images,) bool, True for each image to return."""
         return self._replace(marks=self.marks[chosen], views=self.views[chosen], frame_of=self.frame_of[chosen])
 
 
